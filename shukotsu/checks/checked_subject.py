@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.compute as pc
@@ -34,7 +35,34 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     side = hand or recording_name(path).hand
     poses, broken = read_poses(path, layout.measured), parameters.get("breaks", ())
-    return check_recording(poses, layout, side, declared, _left_out(path), broken)
+    checked = check_recording(poses, layout, side, declared, _left_out(path), broken)
+    loose = _loose_clusters(parameters.get("clusters", ()))
+    dead = [s for s, valid in zip(poses.segments, poses.valid.T, strict=True) if not valid.any()]
+    mapping, absent = parameters.get("mapping"), parameters.get("absent", [])
+    dead = [s for s in dead if s in layout.expected and s not in (mapping or {}).get("fixed", ())]
+    unmapped = [s for s in dead if mapping is not None and s not in absent]
+    missing = [
+        Finding("receivers-absent", NOTE, variant, {"segments": segments})
+        for variant, segments in (("", [s for s in dead if s not in unmapped]), ("unmapped", unmapped))
+        if segments
+    ]
+    return replace(checked, findings=(*loose, *checked.findings, *missing))
+
+
+LOOSE_PERCENT = 1.0
+"""Percent of a cluster's frames: more that do not fit are no slips of labels where its markers move apart."""
+
+
+def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
+    """Name clusters of which more than slips of labels are left out, and all others in one note."""
+    loose = [each for each in clusters if not each["whole"] and each["percent"] >= LOOSE_PERCENT]
+    findings = [
+        Finding("cluster-not-rigid", SUSPECT, "" if each["groups"] else "apart", each)
+        for each in ({**each, "groups": " or ".join(each["groups"])} for each in loose)
+    ]
+    slips = {each["segment"]: each["count"] for each in clusters if each not in loose}
+    seen = {"count": sum(slips.values()), "of": [*slips], "counts": [*slips.values()]}
+    return findings + [Finding("cluster-not-rigid", NOTE, "some", seen)] * bool(slips)
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:

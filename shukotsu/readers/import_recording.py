@@ -98,6 +98,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
             parameters["mapping"] = declared if unit is None else {**declared, "csv": {"time_unit": unit}}
         parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
         more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
+        more["clusters"] = remarks.clusters
         parameters |= {key: value for key, value in more.items() if value}
         write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 

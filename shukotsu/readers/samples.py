@@ -7,6 +7,7 @@ import difflib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,7 @@ class Samples:
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
     missing_frames : frames of which the recording should have something and has nothing.
     tracker : what recorded it, as the file says; empty where it does not.
+    clusters : of markers that do not keep to a rigid shape, what a finding says of each cluster.
     orientation : the kind of numbers that it has for orientations, see `Declared`; empty where the mapping,
     or the names of a tidy table's columns, say it.
     """
@@ -47,6 +49,7 @@ class Samples:
     missing_frames: int = 0
     tracker: str = ""
     orientation: str = ""
+    clusters: tuple[Mapping[str, Any], ...] = ()
 
     def take(self, rows: slice) -> Samples:
         """Return some of the samples, with all that is said of the recording."""
@@ -81,6 +84,7 @@ def join_samples(parts: Iterable[Samples]) -> Samples:
         sum(part.missing_frames for part in every),
         next((part.tracker for part in every if part.tracker), ""),
         next((part.orientation for part in every if part.orientation), ""),
+        tuple(cluster for part in every for cluster in part.clusters),
     )
 
 

@@ -70,6 +70,12 @@ def model_to_take(results: StudyResults) -> str:
     leading = results.leading
     if results.hands and results.suspect >= {*results.hands}:
         return tr("Settle the findings first: every hand has one, so that nothing judges a model.")
+    verdicts = [row["verdict"] for row in results.judging.joints if row["model"] == leading]
+    if verdicts and verdict.BELIEVE not in verdicts:
+        return tr(
+            "No joint can be believed, so no model is recommended: put right what is named below and in the "
+            "report, or record again as the protocol says (docs/protocol.md)."
+        )
     judged = next((each for each in judged_models(results) if each.judges), None)
     if judged is None or leading not in judged.values:
         if results.fitted:

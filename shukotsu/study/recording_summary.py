@@ -219,9 +219,11 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
             f"{poses}: its metadata have no number of missing_frames; make it with shukotsu.readers"
         )
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
-    problems = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
-    problems += [finding_of_text("recording", NOTE, loss) for loss in losses]
-    row["message"] = "; ".join(dict.fromkeys([*(problem.message for problem in problems), *notes]))
+    unseen = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
+    problems = [finding_of_text("recording", NOTE, loss) for loss in losses]
+    row["message"] = "; ".join(dict.fromkeys([*(each.message for each in (*unseen, *problems)), *notes]))
+    if not any(n_valid.values()):  # of others the checks say it, and what to do
+        problems = unseen + problems
     n_frames = n_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
     row["tracker"] = str(parameters.get("tracker", ""))

@@ -384,7 +384,15 @@ def _looked_up(_words: re.Match[str], _brought: Brought, right: Brought) -> Brou
     return right
 
 
+def _not_worn(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
+    before = brought.layout["segments"]
+    names = re.findall(r"\w+_\w+", words[1])
+    segments = {name: {**before[name], **_written(words[2])} for name in names}
+    return replace(brought, layout={**brought.layout, "segments": {**before, **segments}})
+
+
 RULES: Sequence[tuple[str, Follow]] = (
+    (r"(?:pose|receiver) of (.+), which the layout .* write (`[^`]+`) under these segments", _not_worn),
     (
         r"write (`axes: \w+`) under `(orientation)` in the mapping, and the columns of .* opposite",
         _fixed_axes,
@@ -638,9 +646,34 @@ def test_a_cure_done_word_for_word_cures(case: Case) -> None:
         assert apart_mm(cured, clean) < (FAR_OF_OTHER_FRAMES_MM if case.other_frames else FAR_MM)
 
 
+@pytest.mark.parametrize("door", [tidy, wide])
+def test_a_layout_says_that_nobody_wore_a_receiver(door: Door) -> None:
+    right = door(hand_of(7))
+    little = [name for name in right.worn if name.startswith("little_")]
+    brought = right
+    if right.mapping is None:
+        for name in little:
+            brought = brought.emptied(name, slice(None))
+    else:
+        brought = right.with_keys(receivers={n: c for n, c in right.receivers.items() if n not in little})
+    wrong, cured = obeyed(brought, right, Result())
+    assert [(finding.kind, finding.severity) for finding in wrong.findings] == [("receivers-absent", "note")]
+    assert wrong.findings[0].values["segments"] == little
+    assert cured.findings == ()
+    assert cured.layout is not None
+    assert not {*little} & {*cured.layout.expected}
+
+
 def test_every_kind_is_cured() -> None:
-    """But for a recording whose check failed, one that broke, which is made again, and those that the sheet
-    cures (test_compared_recordings).
+    """But for a recording whose check failed, one that broke, which is made again, those that the sheet cures
+    (test_compared_recordings), a C3D file's clusters (test_inspect_file) and what is cured above.
     """
-    others = {"unchecked", "sudden-change", "same-file", "other-person"}
+    others = {
+        "unchecked",
+        "sudden-change",
+        "same-file",
+        "other-person",
+        "cluster-not-rigid",
+        "receivers-absent",
+    }
     assert {*kinds()} - others == {case.kind for case in CASES if " and " not in case.kind}

@@ -12,7 +12,7 @@ from recording_files import ARM, of, write_c3d
 
 from shukotsu.__main__ import main
 from shukotsu.errors import InputError
-from shukotsu.hand.rotations import matrix, unit
+from shukotsu.hand.rotations import about_axis, matrix, multiply, unit
 from shukotsu.readers.samples import Samples
 from shukotsu.study.mapping import read_mapping
 
@@ -201,6 +201,129 @@ def test_the_rigid_clusters_of_a_c3d_file_are_drafted_whatever_its_markers_are_c
     samples = run.imported(run.folder / "a.c3d", {"CHECK_RSHO": "upper_arm", "CHECK_LPSI": "forearm"})
     np.testing.assert_allclose(samples.numbers[of(samples, "upper_arm"), :3], rigid[0][:, 0], atol=1e-3)
     assert samples.notes[0].startswith("cluster upper_arm: 3 markers")
+
+
+SEGMENTS = ("scapula", "upper_arm", "forearm", "hand")
+
+
+def in_turn() -> np.ndarray:
+    """Plates of four markers on an arm whose joints bend one after the other, each for a short while."""
+    rng, time = np.random.default_rng(4), np.linspace(0, 1, 1200)
+    turn = about_axis(np.array([0.6, 0.0, 0.8]), 0.7 * np.sin(9 * time))
+    place, plates = np.stack([80 * np.sin(5 * time), 60 * np.cos(7 * time), 40 * time], -1), []
+    for joint in range(4):
+        angle = 0.9 * np.exp(-(((time - 0.25 * joint) / 0.02) ** 2)) * (joint > 0)
+        place = place + matrix(turn) @ [25.0, 0, 0]
+        turn = multiply(turn, about_axis(np.array([0.0, 0.6, 0.8]), angle))
+        place = place + matrix(turn) @ [25.0, 0, 0]
+        plates.append(PLATE @ np.swapaxes(matrix(turn), 1, 2) + place[:, None])
+    points = np.concatenate(plates, 1)
+    return points + rng.normal(scale=0.2, size=points.shape)
+
+
+PLATE = np.array([[0.0, 0, 0], [18, 0, 0], [4, 15, 0], [10, 8, 8]])
+
+
+@pytest.mark.parametrize("spoilt", ["nothing", "occluded", "zeros", "labels exchanged"])
+@pytest.mark.parametrize("named", [True, False])
+def test_joints_that_move_in_turn_make_no_cluster(run: Run, spoilt: str, named: bool) -> None:
+    points = in_turn()
+    if spoilt == "occluded":
+        points[400:560, 2] = points[640:800, 9] = np.nan
+    if spoilt == "zeros":
+        points[:30, 5] = points[700:705, 0] = 0.0
+    if spoilt == "labels exchanged":
+        points[800:812, [3, 6]] = points[800:812, [6, 3]]
+    labels = [
+        f"{segment.title()}{n}" if named else f"*{4 * i + n}"
+        for i, segment in enumerate(SEGMENTS)
+        for n in range(4)
+    ]
+    path = write_c3d(run.folder / "rom.c3d", points, labels)
+    run.drafted(path)
+    drafted = yaml.safe_load(run.mapping.read_text("utf-8"))["receivers"]
+    assert [part["markers"] for part in drafted.values()] == [labels[4 * i : 4 * i + 4] for i in range(4)]
+    assert [*drafted] == [*SEGMENTS] if named else all(key.startswith("CHECK") for key in drafted)
+
+
+def test_a_cluster_on_two_bones_is_found_and_its_cure_leaves_no_finding(
+    run: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    labels = [f"M{n}" for n in range(16)]
+    path = write_c3d(run.folder / "rom.c3d", in_turn(), labels)
+    markers = {segment: labels[4 * i : 4 * i + 4] for i, segment in enumerate(SEGMENTS)}
+
+    def checked(receivers: dict[str, list[str]]) -> str:
+        mapping = {"format": "c3d", "position_unit": "mm"}
+        mapping |= {"receivers": {name: {"markers": part} for name, part in receivers.items()}}
+        run.mapping.write_text(yaml.safe_dump(mapping), "utf-8")
+        main(["check", str(path), "--hand", "right", "--layout", "arm", "--mapping", str(run.mapping)])
+        return capsys.readouterr().out
+
+    said = checked({**markers, "forearm": labels[8:16]})
+    assert said.startswith("suspect: cluster-not-rigid: In ")
+    groups = re.findall(r"\[(.+?)\]", said)
+    assert groups == [", ".join(markers["forearm"]), ", ".join(markers["hand"])]
+    assert checked({**markers, "forearm": groups[0].split(", ")}).startswith("no finding")
+    assert "leave forearm out of" in checked({**markers, "forearm": labels[7:14:3]})
+    del markers["forearm"]
+    said = checked(markers)
+    assert said.startswith("note: receivers-absent: The mapping names no receiver of forearm, which")
+
+
+NAMES = {
+    "pos_{}_{}": "rot_{}_{}",
+    "{}.pos.{}": "{}.rot.{}",
+    "S0{}_P{}": "S0{}_Q{}",
+    "{1}{0}": "Q{1}{0}",
+    "{}:{}": "{}:Q{}",
+    "Body{}Pos{}": "Body{}Rot{}",
+    "{} [{}] (mm)": "{} [q{}]",
+    "t{1}_{0}": "q{1}_{0}",
+}
+"""Titles of receivers by number and axis."""
+
+
+@pytest.mark.parametrize("gap", ["no position", "empty position", "empty orientation", "all empty"])
+@pytest.mark.parametrize("names", NAMES)
+def test_a_draft_pairs_columns_by_their_names(run: Run, names: str, gap: str) -> None:
+    """Orientations stand in the opposite order; the second receiver lacks what `gap` says."""
+    axes = ("XYZ", "WXYZ") if "Body" in names or names.startswith("{1}") else ("xyz", "wxyz")
+    places, turns = (
+        [[text.format(n, axis) for axis in letters] for n in (1, 2, 3)]
+        for text, letters in zip((names, NAMES[names]), axes, strict=True)
+    )
+    columns = dict(
+        zip(sum(places, []), np.concatenate([1000 * PLACE + n for n in range(3)], 1).T, strict=True)
+    )
+    columns |= dict(zip(sum(turns[::-1], []), np.tile(TURNED, 3).T, strict=True))
+    for title in [*places[1] * ("orientation" not in gap), *turns[1] * ("position" not in gap)]:
+        columns[title] = np.full(FRAMES, np.nan)
+    if gap == "no position":
+        columns = {title: column for title, column in columns.items() if title not in places[1]}
+    titles = "time_s," + ",".join(columns)
+    rows = np.stack([np.arange(FRAMES) / 120, *columns.values()], -1)
+    path = run.table("names.csv", titles, rows)
+    path.write_text(path.read_text().replace("nan", ""))
+    said = run.drafted(path)
+    text = run.mapping.read_text("utf-8")
+    drafted = [(part["position"], part["orientation"]) for part in yaml.safe_load(text)["receivers"].values()]
+    kept = [n for n in range(3) if gap != "no position" or n != 1]
+    assert drafted == [(places[n], turns[n]) for n in kept]
+    assert "guessed" not in text
+    left = f"{' '.join(turns[1])}: no position goes with it" if gap == "no position" else "empty: "
+    assert left in said
+    assert f"# {left}" in text
+
+
+def test_order_alone_pairs_with_a_check_and_not_against_names(run: Run) -> None:
+    rows = np.concatenate([np.arange(FRAMES)[:, None] / 120, 1000 * PLACE, TURNED, TURNED[::-1]], 1)
+    titles = "time_s,hand_x,hand_y,hand_z,headset_qw,headset_qx,headset_qy,headset_qz"
+    run.drafted(run.table("a.csv", titles, rows[:, :8]))
+    assert yaml.safe_load(run.mapping.read_text("utf-8"))["receivers"] == {"CHECK": {}}
+    run.mapping.unlink()
+    run.drafted(run.table("b.csv", titles.replace("hand_", ""), rows[:, :8]))
+    assert "CHECK: guessed from the place" in run.mapping.read_text("utf-8")
 
 
 TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"

@@ -49,6 +49,7 @@ EFFECT = {**GAPS, "effect": "closer"}
 
 BROKEN = {"segments": ["hand"], "segment": "hand", "until": False, "grown": 25.4, "percent": 48.0}
 
+LOOSE = {"segment": "hand", "percent": 12.0, "groups": "[A, B, C]"}
 EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
     ("quaternion-order", "inverse-too"): [
@@ -120,6 +121,11 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("too-short", ""): [{"frames": 12}, {"frames": 12, "duration_s": 0.2}],
     ("zeros", ""): [{"segment": "hand", "count": 1, **AT}, {"segment": "hand", "count": 200, **AT}],
     ("receivers-alike", ""): [PAIR | {"percent": 100.0, **AT}],
+    ("cluster-not-rigid", ""): [LOOSE],
+    ("cluster-not-rigid", "apart"): [LOOSE],
+    ("cluster-not-rigid", "some"): [COUNTED],
+    ("receivers-absent", ""): [{"segments": ["index_distal", "hand"]}],
+    ("receivers-absent", "unmapped"): [{"segments": ["index_distal", "hand"]}],
     ("recording", "no-pose"): [{"segments": ["index_distal", "hand"]}],
     ("hand", "uncalibrated"): [{}],
     ("receiver", ""): [{"segment": "hand", "text": "no valid pose of hand; check that receiver"}],
@@ -199,7 +205,7 @@ def test_kinds_are_those_of_the_contract() -> None:
         "quaternion-order, quaternion-inverse, euler-order, units, time-unit, clock, hemisphere, "
         "receiver-stuck, sudden-change, spikes, receivers-swapped, digits-swapped, wrong-hand, "
         "axes-mirrored, receiver-turned, other-person, same-file, too-short, zeros, receivers-alike, "
-        "unchecked"
+        "cluster-not-rigid, receivers-absent, unchecked"
     )
     assert ", ".join(kinds()) == expected
 

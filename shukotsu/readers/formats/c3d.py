@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.cluster.hierarchy import fcluster, linkage
 
 from shukotsu.errors import InputError, list_names
 from shukotsu.hand.rotations import Array, from_matrix, nearest_rotation
@@ -42,7 +43,7 @@ class C3dFile:
     matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
     unit : mm, cm, m or inch, or the file's own word where it is none of these; empty where it states none.
     rate_hz : NaN where the file states none. first_frame : number of the first frame stored, from 1.
-    doubts : a sentence where the file goes on behind the frames that it counts.
+    doubts : a sentence where the file goes on behind the frames that it counts, or has points at 0, 0, 0.
     """
 
     path: Path
@@ -84,19 +85,67 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
         )
     window = np.arange(first - 1, last)  # from 0 at the first frame stored
     rate_hz = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
-    tracks, notes = [], []
+    tracks, notes, clusters = [], [], []
     for segment, receiver in mapping.receivers.items():
         if "markers" in receiver:
-            poses, misfit_mm, note = _of_cluster(file, segment, receiver["markers"], window, mapping)
+            poses, misfit_mm, note, loose = _of_cluster(file, segment, receiver["markers"], window, mapping)
+            clusters += loose
         else:
             poses, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
             misfit_mm = np.full(len(window), np.nan)
         flags = {"misfit": misfit_mm > mapping.details["misfit_mm"]}
         tracks.append(Track(window, file.first_frame + window, window / rate_hz, poses, flags))
         notes += [note] if note else []
-    return samples_of_tracks(
+    samples = samples_of_tracks(
         tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes, file.doubts
     )
+    return replace(samples, clusters=tuple(clusters))
+
+
+RIGID_VARIATION = 0.06
+"""Each distance in a rigid group varies, noise apart, by less than this share of it and of its ends' ways."""
+_FRAMES, _MARKERS, _DISTANCES = 100, 200, 2_000_000
+_NOISE_WIDTH = 4.1
+"""So many sd of noise lie between the percentiles 2 and 98."""
+
+
+def rigid_groups(points: Array, segments: Sequence[str] | None = None) -> list[list[int]]:
+    """Group markers of which all distances keep still in nearly all frames while others change.
+
+    points : (T, P, 3), NaN where a marker is not seen. segments : what each label names, empty where nothing;
+    markers of two segments are in no group, and those of one may all keep still. Returns the indices of each
+    group; none where there are too many markers. Noise is what a distance changes from one frame to the next
+    beyond what it changes over three: joints move slowly.
+    """
+    markers = points.shape[1]
+    if not 3 <= markers <= _MARKERS or len(points) < 3:
+        return []
+    first, second = np.triu_indices(markers, 1)
+    step = 1 + len(points) * len(first) // _DISTANCES
+    starts = np.arange(0, len(points) - 2, max(1, min(step, len(points) // _FRAMES)))
+    triples = points[starts[:, None] + np.arange(3)]
+    distance = np.linalg.norm(triples[:, :, first] - triples[:, :, second], axis=-1)
+    seen = np.flatnonzero(np.isfinite(distance).all(1).mean(0) > 0.1)
+    if not len(seen):
+        return []
+    distance, first_seen, second_seen = distance[..., seen], first[seen], second[seen]
+    low, middle, high = np.nanpercentile(distance.reshape(-1, len(seen)), [2, 50, 98], axis=0)
+    noise = np.nanmedian(np.abs(np.diff(distance, 2, axis=1)[:, 0]), axis=0) / 0.6745 / np.sqrt(6)
+    moved = np.full(markers, 0.0)
+    for index in np.unique([first_seen, second_seen]):
+        moved[index] = np.subtract(*np.nanpercentile(triples[:, :, index], [98, 2], axis=(0, 1))).max()
+    width = _NOISE_WIDTH * noise
+    steps = np.minimum(moved[first_seen], moved[second_seen]) - width
+    names = np.array(segments or [""] * markers)
+    named = (names[first] != "") & (names[second] != "")
+    alike = (named & (names[first] == names[second]))[seen]
+    least = np.where(alike, middle, np.minimum(middle, 5 * steps))
+    variation = np.full(len(first), 1e9)
+    variation[seen] = np.maximum(high - low - width, 0.05 * width) / np.maximum(least, 1e-12)
+    variation[named & (names[first] != names[second])] = 1e9
+    group = fcluster(linkage(variation, "complete"), RIGID_VARIATION, "distance")
+    groups = [np.flatnonzero(group == number).tolist() for number in range(1, group.max() + 1)]
+    return sorted(members for members in groups if len(members) >= 3)
 
 
 THINNEST = 0.05
@@ -162,9 +211,14 @@ def cluster_poses(markers_mm: Array, what: str) -> ClusterPoses:
 def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
     """Mean of all frames laid onto each other, shape (M, 3), in the laboratory pose of one frame.
 
-    It grows from the frame with most markers; frames far off it (markers swapped) weigh less.
+    It grows from the likeliest frame with most markers; frames far off it (markers swapped) weigh less.
     """
-    start = int(np.argmax(seen.sum(1)))
+    patterns, codes, counts = np.unique(seen, axis=0, return_inverse=True, return_counts=True)
+    most = int(np.lexsort((counts, patterns.sum(1)))[-1])
+    alike = np.flatnonzero(codes.ravel() == most)
+    apart = points[alike][:, patterns[most]]
+    apart = np.linalg.norm(apart[:, :, None] - apart[:, None], axis=-1)
+    start = int(alike[np.argmin(np.abs(apart - np.median(apart, axis=0)).sum((1, 2)))])
     shape: Array = points[start]
     placed: Bools = seen[start]
     if placed.sum() < 3:
@@ -268,6 +322,7 @@ def open_c3d(path: Path) -> C3dFile:
     per_frame, analogs, first, last, _, scale, start = struct.unpack_from("<HHHHHfH", head, 2)
     if not first <= last < _MOST_FRAMES:  # what is read to the file's end has zeros that fill its last block
         points = points[: np.flatnonzero((points != 0).any((1, 2)))[-1:].sum() + 1]
+    zeros = (points == 0).all(-1)
     counts = [last - first + 1 if last < _MOST_FRAMES else 0]
     counts += [int(count) for count in parameters["POINT"].get("LONG_FRAMES", {}).get("value", ())]
     if "ACTUAL_END_FIELD" in parameters.get("TRIAL", {}):
@@ -282,19 +337,21 @@ def open_c3d(path: Path) -> C3dFile:
         raise InputError(f"{path}: has no frames; export it again")
     frame_bytes = (4 * per_frame + analogs) * (4 if scale < 0 else 2)
     more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
-    doubt = f"{len(points)} frames are read, but the file goes on behind them; see that this is all"
+    doubts = [f"{zeros.sum()} points at 0, 0, 0 are taken for not seen"] if zeros.any() else []
+    if more_bytes > _BLOCK and not rotations.size:
+        doubts += [f"{len(points)} frames are read, but the file goes on behind them; see that this is all"]
     unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()
     rate = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
     return C3dFile(
         path,
-        without_marks(points),
+        without_marks(np.where(zeros[..., None], np.nan, points)),
         _labels(parameters.get("POINT", {})),
         rotations,
         _labels(parameters.get("ROTATION", {})),
         UNIT_NAMES.get(unit.lower(), unit),
         rate if RATES_HZ[0] <= rate <= RATES_HZ[1] else float("nan"),
         first,
-        (doubt,) if more_bytes > _BLOCK and not rotations.size else (),
+        tuple(doubts),
     )
 
 
@@ -306,8 +363,10 @@ def _labels(group: Any) -> tuple[str, ...]:
 
 def _of_cluster(
     file: C3dFile, segment: str, markers: Sequence[str], window: Integers, mapping: FileMapping
-) -> tuple[Array, Array, str]:
-    """Return the poses (T, 7) of a cluster, its misfit [mm] (T,), and a note on both."""
+) -> tuple[Array, Array, str, list[dict[str, Any]]]:
+    """Return the poses (T, 7) of a cluster, its misfit [mm] (T,), a note on both, and what a finding says of
+    frames that misfit: which of its markers keep their distances.
+    """
     key = f"{mapping.where}: receivers.{segment}.markers"
     columns = [_index(file.path, file.labels, marker, "marker", key) for marker in markers]
     points_mm = file.points[window][:, columns] * mapping.mm_per_unit
@@ -323,7 +382,18 @@ def _of_cluster(
         f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
         f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {len(misfit)} frames"
     )
-    return poses, misfit, note
+    odd = misfit > mapping.details["misfit_mm"]
+    if not odd.any():
+        return poses, misfit, note, []
+    groups = rigid_groups(points_mm)
+    rigid = [f"[{', '.join(markers[index] for index in group)}]" for group in groups]
+    seen = {
+        "segment": segment,
+        "count": int(odd.sum()),
+        "percent": 100 * odd.sum() / np.isfinite(misfit).sum(),
+    }
+    whole = [*map(len, groups)] == [len(markers)]
+    return poses, misfit, note, [{**seen, "groups": rigid, "whole": whole}]
 
 
 def _of_rotation(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import operator
+import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -80,7 +84,14 @@ _AXIS = re.compile(
     r"(?P<after>[\W_]*(mm|cm|m|in|inch|deg|rad)?[\W_]*\d*[\W_]*)",
     re.I,
 )
+_AXIS_WITHIN = re.compile(r"(?P<before>(.*[\W_])?[a-z]?)(?P<axis>[wxyz])(?P<after>[\W_].*)", re.I)
 """A title's axis, and what the titles of the same receiver share before and after it."""
+
+
+def _axis_in(name: str) -> re.Match[str] | None:
+    return _AXIS.fullmatch(name) or _AXIS_WITHIN.fullmatch(name)
+
+
 _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 
@@ -90,8 +101,8 @@ class Roles:
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
-    aside : numbers that are none of these; text : columns that hold no numbers.
-    nanoseconds : within the second that `time` has.
+    aside : numbers that are none of these; text : columns that hold no numbers; empty : those that hold
+    nothing, even if their names put them in a group. nanoseconds : within the second that `time` has.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
     """
 
@@ -106,6 +117,7 @@ class Roles:
     quality: list[str] = field(default_factory=list)
     aside: list[str] = field(default_factory=list)
     text: list[str] = field(default_factory=list)
+    empty: list[str] = field(default_factory=list)
     guessed: set[str] = field(default_factory=set)
 
     @property
@@ -119,7 +131,7 @@ class Roles:
 def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     """Return the roles of columns, by their numbers and, where these leave it open, by their names.
 
-    titles : all columns; numbers : those that hold numbers, title -> (N,).
+    titles : all columns; numbers : those that hold numbers or nothing, title -> (N,).
     """
     numeric = [title for title in titles if title in numbers]
     inertial = [[t for t in numeric if re.fullmatch(rf"{x}_?[xyz]", t, re.I)] for x in "agm"]
@@ -127,6 +139,8 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     moved = {t for axes in inertial for t in axes if whole}
     aside = [t for t in numeric if t in moved or _ASIDE.search(snake_case(t))]
     named = _named_groups([t for t in numeric if t not in aside], numbers)
+    empty = [t for t in numeric if not np.isfinite(numbers[t]).any()]
+    numeric = [t for t in numeric if t in named or t not in empty]
     unnamed = [t for t in numeric if t not in named]
     split = {t: split_title(t) for t in unnamed}
     times = [t for t in unnamed if split[t].unit in TIME_UNITS or any(map(_TIME.search, (t, split[t].name)))]
@@ -163,26 +177,57 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     roles = Roles(
         time, nanoseconds, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed
     )
+    roles.empty.extend(empty)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
     roles.quaternions[:] = [by_scalar(group) or group for group in roles.quaternions]
     return roles
 
 
-def pair_receivers(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
-    """Return positions and orientations of one receiver each: by their order where there are as many of both.
+def pair_receivers(roles: Roles) -> list[tuple[list[str], list[str]]]:
+    """Return positions and orientations of one receiver each; what has no other is beside an empty list.
 
-    Else each orientation has the nearest position whose title has the same first word, or any.
+    They are paired by the words of their titles. What these do not tell apart is paired by its order, where
+    there are as many of both and no name contradicts, and counts as guessed.
     """
-    positions, orientations = list(roles.positions), roles.orientations[1]
-    if not orientations or len(positions) == len(orientations):
-        return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
-    pairs = []
-    for turning in orientations[: len(positions)]:
-        word, column = turning[0].split()[0], titles.index(turning[0])
-        gaps = [(group[0].split()[0] != word, abs(titles.index(group[0]) - column)) for group in positions]
-        pairs.append((positions.pop(gaps.index(min(gaps))), turning))
-    return pairs
+    groups = roles.positions, roles.orientations[1]
+    partner: dict[int, int] = {}  # orientation by position
+    for ignored in (_KINDS, _KINDS + "|[ptrmo]"):
+        words = [[_shared_words(titles, ignored) for titles in alike] for alike in groups]
+        left = [at for at in range(len(groups[0])) if at not in partner]
+        free = [at for at in range(len(groups[1])) if at not in partner.values()]
+        counts = [Counter(words[0][at] for at in left), Counter(words[1][at] for at in free)]
+        for at in left:
+            if counts[0][words[0][at]] == counts[1][words[0][at]] == 1:
+                partner[at] = next(other for other in free if words[1][other] == words[0][at])
+    left = [at for at in left if at not in partner]
+    free = [at for at in free if at not in partner.values()]
+    common = [[len({*words[0][at]} & {*words[1][other]}) for other in free] for at in left]
+    if len(left) == len(free) and all(
+        shared[at] == max(shared) and (shared[at] or not (words[0][left[at]] and words[1][free[at]]))
+        for at, shared in enumerate(common)
+    ):
+        partner |= dict(zip(left, free, strict=True))
+        roles.guessed.update(title for at in left for title in groups[0][at] + groups[1][partner[at]])
+    pairs = [(titles, groups[1][partner[at]] if at in partner else []) for at, titles in enumerate(groups[0])]
+    return pairs + [([], titles) for at, titles in enumerate(groups[1]) if at not in partner.values()]
+
+
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W0-9_A-Za-z]+")
+_KINDS = (
+    "pos(ition)?|loc(ation)?|trans(lation)?|rot(ation)?|q(uat(ernion)?)?|ori(entation)?|att(itude)?|euler"
+    "|ang(le)?|mat(rix)?"
+)
+"""What titles call a position or an orientation, in words; where these do not tell, in letters, too."""
+
+
+def _shared_words(titles: Sequence[str], ignored: str) -> tuple[str, ...]:
+    """Return the words, in lower case, that all of a receiver's titles have, or else how they begin."""
+    names = [split_title(title).name for title in titles]
+    every = (Counter(word.lower() for word in _WORD.findall(name)) for name in names)
+    begins = os.path.commonprefix(names).lower().rstrip("q")  # noqa: RUF071 : letters, as of handx and handqx
+    shared = functools.reduce(operator.and_, every) or Counter([begins])
+    return tuple(sorted(word for word in shared.elements() if not re.fullmatch(f"({ignored})?", word)))
 
 
 def _counts(title: str, values: Array) -> bool:
@@ -211,7 +256,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
     spellings = {split_title(title).name.lower() for title in titles}
     for title in titles:
         name, unit = _spell_title(title, spellings)
-        if match := _AXIS.fullmatch(name):
+        if match := _axis_in(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
     groups: dict[str, list[str]] = {}
@@ -221,7 +266,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
             if len(group) < len(names) or group[0] in groups:
                 continue
             off = _off_rotation(group, numbers, 4) if len(names) == 4 else 0.0
-            if off < _NORM_OFF or re.search(r"q(uat\w*)?[\W_]*$", before):
+            if off < _NORM_OFF or off == np.inf or re.search(r"q(uat\w*)?[\W_]*$", before):
                 groups |= dict.fromkeys(group, group if off < _NORM_OFF or off == np.inf else [])
     return groups
 
@@ -273,7 +318,7 @@ def by_scalar(titles: Sequence[str]) -> list[str]:
 def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
     spellings = {split_title(title).name.lower() for title in titles}
     named = {_spell_title(title, spellings).name: title for title in titles}
-    by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
+    by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _axis_in(name))}
     return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
 
 
@@ -417,7 +462,8 @@ def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
 
 def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Array]:
     for title in titles:
-        yield numbers[title][np.isfinite(numbers[title])]
+        if (values := numbers[title][np.isfinite(numbers[title])]).size:
+            yield values
 
 
 def _stated_units(titles: Iterable[str], units: frozenset[str]) -> list[str]:

@@ -171,10 +171,11 @@ def describe_table(path: Path, layout: Layout) -> Description:
     form = detect_form(path)
     text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
-    of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), text.titles)
-    numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles) | of_day
-    dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in text.titles if t not in numbers])
-    numbers |= dates
+    numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles)
+    texts = [title for title in text.titles if title not in numbers]
+    of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
+    dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
+    numbers |= of_day | dates
     roles = find_roles(text.titles, numbers)
     if roles.time and roles.nanoseconds:
         numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
@@ -222,7 +223,17 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found, which receivers need")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    drafted = _receivers(roles, receivers, text.titles, layout)
+    pairs = [] if roles.receiver else pair_receivers(roles)
+    remarks = [f"empty: {', '.join(roles.empty)}"] if roles.empty else []
+    remarks += [
+        f"{' '.join(position + turning)}: no {'orientation' if position else 'position'} goes with it by its "
+        "name; it is left out of the mapping"
+        for position, turning in pairs
+        if not (position and turning) and roles.orientations[1] and roles.positions
+    ]
+    lines += remarks
+    whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
+    drafted = _receivers(roles, receivers, whole, layout)
     # the mapping but for its `csv` group
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
@@ -236,16 +247,16 @@ def describe_table(path: Path, layout: Layout) -> Description:
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day or roles.time in dates:
         config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in of_day else DATES
-    return Description(tuple(lines), draft(path, config))
+    return Description(tuple(lines), draft(path, config, (f"# {line}" for line in remarks)))
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
-    """Return columns that can be read so and have a number, title -> (N,)."""
+    """Return columns that can be read so, title -> (N,)."""
     numbers = {}
     for title in titles:
         with suppress(InputError):
             numbers[title] = read(title)
-    return {title: values for title, values in numbers.items() if np.isfinite(values).any()}
+    return numbers
 
 
 def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
@@ -259,7 +270,7 @@ def _range(values: Array) -> str:
 
 def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) -> list[str]:
     lines = []
-    for group in roles.quaternions:
+    for group in filter({*roles.empty}.isdisjoint, roles.quaternions):
         rows = _rows(numbers, group)
         first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
         norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
@@ -271,7 +282,8 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         order = "w, x, y and z as its titles say" if by_scalar(group) else order
         lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {order}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
-    for group in roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]:
+    angles = roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]
+    for group in filter({*roles.empty}.isdisjoint, angles):
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
         stated = f"in {angle.stated}, as their titles say"
         seem = stated if angle.stated else angle_unit_by_size(group, numbers).why
@@ -321,7 +333,7 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
 
 
 def _receivers(
-    roles: Roles, receivers: Sequence[str], titles: Sequence[str], layout: Layout
+    roles: Roles, receivers: Sequence[str], pairs: Sequence[tuple[list[str], list[str]]], layout: Layout
 ) -> dict[str, Any]:
     if roles.receiver:
         of_station = {str(layout.segments[name].receiver): name for name in layout.measured}
@@ -331,13 +343,12 @@ def _receivers(
             return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
         return {_segment(name, layout, receivers): {"value": name} for name in receivers}
     config: dict[str, Any] = {}
-    pairs = pair_receivers(roles, titles)
     names = [position[0] for position, _ in pairs]
     for index, (position, turning) in enumerate(pairs):
         columns: dict[str, Any] = {"position": _columns(position)}
         columns |= {"orientation": _columns(turning)} if turning else {}
-        if len(roles.quality) == len(pairs):  # one each
-            columns["quality"] = _column(roles.quality[index])
+        if len(roles.quality) == len(roles.positions):  # one each
+            columns["quality"] = _column(roles.quality[roles.positions.index(position)])
         segment = _segment(names[index], layout, names)
         key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
         config[key] = (columns, _doubt(roles, position + turning))

@@ -124,6 +124,19 @@ def test_markers_may_be_missing_while_they_show_a_pose(lost: str) -> None:
     np.testing.assert_allclose(poses.position_mm[posed], np.tile(POSITIONS[0], (posed.sum(), 1)), atol=1e-4)
 
 
+@pytest.mark.parametrize("odd", ["first frame", "swapped in it"])
+def test_a_cluster_s_shape_does_not_rest_on_its_first_frame(tmp_path: Path, odd: str) -> None:
+    """Which has a marker at 0, 0, 0, which is a missing one, or two that have each other's names."""
+    points = MARKERS.copy()
+    points[0, 1] = 0.0
+    if odd != "first frame":
+        points[0] = MARKERS[0, [1, 0, 2]]
+    samples = read(write(tmp_path / "a.c3d", points), ARM, config())
+    posed = of(samples, "hand") & (samples.frame > 101)
+    np.testing.assert_allclose(samples.numbers[posed, :3], POSITIONS[1:], atol=1e-3)
+    assert samples.losses == (("1 points at 0, 0, 0 are taken for not seen",) if odd == "first frame" else ())
+
+
 HIP = ["RASIS", "LASIS", "LPSIS", "RPSIS"], ["RLFE", "RMFE", "RTHI1", "RTHI2", "RTHI3"]
 KNEE = ["RGT", "RTHI1", "RTHI2", "RTHI3"], ["RATT", "RLM", "RSPH", "RLEG1", "RLEG2", "RLEG3"]
 
@@ -185,7 +198,7 @@ def test_frames_beyond_what_is_counted(tmp_path: Path) -> None:
     assert read(path, ARM, config()).losses == ()
     path.write_bytes(data + bytes(1024))
     assert "30 frames are read, but the file goes on" in read(path, ARM, config()).losses[0]
-    assert "frames in doubt: 30 frames are read" in " ".join(describe_c3d(path, ARM).lines)
+    assert "in doubt: 30 frames are read" in " ".join(describe_c3d(path, ARM).lines)
     for offset in (8, data.index(b"FRAMES") + 10):
         struct.pack_into("<H", data, offset, 65_535)
     path.write_bytes(data)
