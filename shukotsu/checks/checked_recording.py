@@ -17,7 +17,7 @@ from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values
 from shukotsu.study.layout import Layout
-from shukotsu.tables.device_clock import ClockBreak, device_clock
+from shukotsu.tables.device_clock import ClockBreak, device_clock, without_packets
 from shukotsu.tables.poses import Poses
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
@@ -54,11 +54,10 @@ def check_recording(
     """Test what was declared about a recording against its poses; left_out, breaks : of its import."""
     broken = _breaks(breaks)
     seen = [index for index, column in enumerate(poses.valid.T) if column.any()]
-    line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
+    time_s, packets = without_packets(poses.time_s)
+    line = Timeline(time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
-        line = Timeline(
-            poses.time_s, poses.position_mm[:, seen], poses.quaternion[:, seen], poses.valid[:, seen]
-        )
+        line = Timeline(time_s, poses.position_mm[:, seen], poses.quaternion[:, seen], poses.valid[:, seen])
     segments = tuple(poses.segments[index] for index in seen)
     body = expected_body(layout, segments)
     clock = timeline.true_clock(line)
@@ -93,6 +92,7 @@ def check_recording(
         *_stays(line, segments, declared),
         *_clock(line, clock, declared),
         *_clock_breaks(clock_breaks, poses.frame),
+        *([] if clock or not packets else [Finding("clock", NOTE, "packets", vars(packets))]),
         *short,
     ]
     return CheckedRecording((*broken, *findings, *late), poses_digest(poses), body, search.explanation)

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.hand.rotations import Array, matrix
+from shukotsu.tables.device_clock import without_packets
 
 Integers = npt.NDArray[np.int64]
 
@@ -61,7 +62,7 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
     """The sides of a receiver in frames (N,), rising, at times (N,), NaN where unknown, and places (N, 3)."""
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
-        lasts, frame_s, seconds = np.diff(frame).astype(float), np.nan, np.diff(time_s)
+        lasts, frame_s, seconds = np.diff(frame).astype(float), np.nan, np.diff(without_packets(time_s)[0])
         timed = seconds > 0  # False for NaN
         if timed.any():
             frame_s = float(np.median(seconds[timed] / lasts[timed]))
