@@ -255,6 +255,10 @@ def _breaks(breaks: Sequence[Values]) -> list[Finding]:
     """Name breaks; what is left is to suffice, or nothing is to be believed of it."""
     findings = []
     for seen in breaks:
+        if "number" in seen:
+            pair = dict(zip(("segment", "segment_2"), seen["segments"], strict=True))
+            findings.append(Finding("receivers-swapped", SUSPECT, "in-part", {**seen, **pair}))
+            continue
         variant = "all" if len(seen["segments"]) > 1 else "until" if seen["until"] else "one"
         severity = NOTE if seen["percent"] >= LEAST_LEFT else SUSPECT
         findings.append(Finding("sudden-change", severity, variant, {**seen, "segment": seen["segments"][0]}))

@@ -70,7 +70,7 @@ class ExpectedBody:
 
     def concerned(self, places: Collection[int] | None) -> npt.NDArray[np.bool_]:
         """Which joints (J,) have a receiver among those places; all where none has, or places is None."""
-        concerned = np.isin(self.ends, [*(places or ())]).any(1)
+        concerned = np.asarray(np.isin(self.ends, [*(places or ())]).any(1))
         return concerned if concerned.any() else np.ones(len(self.names), bool)
 
 
