@@ -186,9 +186,11 @@ EVERY = 0.8
 """Share of the joints from which on all receivers break together: the file changes."""
 
 
+TELLING = 1.0
+"""Logarithm of the ratio of joints' gaps from which on they tell which way round two receivers are."""
 EXCHANGED, EXCHANGE_MM, EXCHANGE_DEG = 0.4, 5.0, 60.0
-"""Two receivers that change places go on where the other was: what is left then of their steps, at most; how
-long a step at least is, and how far a receiver turns from one pose to the next at most."""
+"""Two receivers that change places go on where the other was: what is left of that, at most; how
+far a pose is off a steady run at least, and how far a receiver turns from one pose to the next at most."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +208,8 @@ def exchanges(
 ) -> list[Exchange]:
     """Find receivers that change places within a recording, from one pose to the next.
 
-    Of the two ways that one is right in which the joints close better, or else the one that lasts longer.
+    Of the two ways that one is right in which, taken for all the recording, the joints close better or, where
+    that does not tell, neighbours are nearer.
     """
     steps = {name: _long_steps(*poses(name)) for name in segments}
     out = []
@@ -216,10 +219,7 @@ def exchanges(
             continue
         frame = np.union1d(*(poses(name)[0] for name in pair))
         way = np.searchsorted(moments, frame, side="right") % 2
-        wider = 0.0
-        for above, below in (map(poses, link) for link in links if {*pair} & {*link}):
-            gaps = [_closed_mm(above, below, frame[way == which]) for which in (0, 1)]
-            wider += float(np.log(gaps[1] / gaps[0])) if np.isfinite(gaps).all() else 0.0
+        wider = _wider(pair, moments, poses, links)
         wrong = way == (wider > 0 if wider else 2 * way.sum() < len(way))
         ends = np.flatnonzero(np.diff(wrong, prepend=False, append=False))
         for start, end in zip(ends[::2], ends[1::2] - 1, strict=True):
@@ -229,14 +229,17 @@ def exchanges(
 
 
 _Steps = tuple[Integers, Array, Array]
-"""Frames (N, 2) before and after a receiver's long steps, and its poses (N, 7) before and after."""
+"""Frames (N, 2) before and after a receiver's long steps, poses (N, 7) if it ran on, and as it is."""
 
 
 def _long_steps(frame: Integers, numbers: Array) -> _Steps:
-    step_mm = np.linalg.norm(np.diff(numbers[:, :3], axis=0), axis=-1)
-    long_mm = max(EXCHANGE_MM, float(np.quantile(step_mm, 0.9)) if len(step_mm) else 0.0)
-    rows = np.flatnonzero(step_mm >= long_mm)
-    return np.stack([frame[rows], frame[rows + 1]], -1), numbers[rows], numbers[rows + 1]
+    expected = numbers[:-1].copy()
+    on = np.diff(frame, 2) == 0
+    expected[1:, :3] += np.where(on[:, None], np.diff(numbers[:-1, :3], axis=0), 0.0)
+    off_mm = np.linalg.norm(numbers[1:, :3] - expected[:, :3], axis=-1)
+    far_mm = max(EXCHANGE_MM, float(np.quantile(off_mm, 0.9)) if len(off_mm) else 0.0)
+    rows = np.flatnonzero(off_mm >= far_mm)
+    return np.stack([frame[rows], frame[rows + 1]], -1), expected[rows], numbers[rows + 1]
 
 
 def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
@@ -252,15 +255,47 @@ def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
     return np.unique(np.concatenate(moments))
 
 
-def _closed_mm(above: ReceiverPoses, below: ReceiverPoses, frame: Integers) -> float:
-    """Gap of a joint over some frames, rms; NaN where there are too few."""
+def _wider(
+    pair: tuple[str, str],
+    moments: Integers,
+    poses: Callable[[str], ReceiverPoses],
+    links: Sequence[tuple[str, str]],
+) -> float:
+    """Return by how much, a logarithm, joints are wider the second way round than the first."""
+    ratios = np.zeros(2)
+    for link in links:
+        if {*pair} & {*link}:
+            named = [[_named(name, pair, poses, moments, way) for name in link] for way in (0, 1)]
+            first, second = (_gap_and_length_mm(*ends) for ends in named)
+            ratios += np.nan_to_num(np.log(second / first))
+    return float(ratios[0] if abs(ratios[0]) > TELLING else ratios[1])
+
+
+def _named(
+    name: str, pair: Sequence[str], poses: Callable[[str], ReceiverPoses], moments: Integers, way: int
+) -> ReceiverPoses:
+    """Poses of a receiver where one way of the two that change places is right all along."""
+    if name not in pair:
+        return poses(name)
+    frames, numbers = [], []
+    for part in pair:
+        frame, every = poses(part)
+        rows = np.searchsorted(moments, frame, side="right") % 2 == (way if part == name else 1 - way)
+        frames.append(frame[rows])
+        numbers.append(every[rows])
+    order = np.argsort(np.concatenate(frames))
+    return np.concatenate(frames)[order], np.concatenate(numbers)[order]
+
+
+def _gap_and_length_mm(above: ReceiverPoses, below: ReceiverPoses) -> Array:
+    """Gap of a joint, rms, and median distance of its receivers, (2,); NaN of too few frames."""
     both, rows, others = np.intersect1d(above[0], below[0], assume_unique=True, return_indices=True)
-    seen = np.flatnonzero(np.isin(both, frame))
-    if len(seen) < FEWEST:
-        return float("nan")
-    seen = seen[np.linspace(0, len(seen) - 1, min(SAMPLED, len(seen))).astype(int)]
-    turn, apart = _turn_and_apart(above[1][rows[seen]], below[1][others[seen]])
-    return max(_rms(_gap_mm(turn, apart, _centre(turn, apart))), LEAST_GAP_MM)
+    if len(both) < FEWEST:
+        return np.full(2, np.nan)
+    sampled = np.linspace(0, len(both) - 1, min(SAMPLED, len(both))).astype(int)
+    turn, apart = _turn_and_apart(above[1][rows[sampled]], below[1][others[sampled]])
+    gap_mm = _rms(_gap_mm(turn, apart, _centre(turn, apart)))
+    return np.maximum([gap_mm, np.median(np.linalg.norm(apart, axis=-1))], LEAST_GAP_MM)
 
 
 def _turn_and_apart(parent: Array, child: Array) -> tuple[Array, Array]:
