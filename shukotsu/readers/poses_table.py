@@ -61,6 +61,8 @@ TWO_RECORDINGS = 10
 """Frames in turn that stand twice with other poses are no slip of a counter."""
 MANY_POSES = 20
 """In so many, the coordinates of a receiver that moves are no whole numbers."""
+BESIDE_MM = 200.0
+"""Nearer than this is a receiver to the next one of a body, and farther a transmitter."""
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
 ROW_GROUP_FRAMES = 1 << 15
@@ -207,10 +209,16 @@ def poses_table(
     segments, exchanged = _without_exchanges(segments, files_by_name, parents)
     segments, broken = _without_breaks(segments, files_by_name, parents)
     broken = (*exchanged, *broken)
-    # No bone keeps still while its parent moves: the receiver's channel hangs. The base of the tree has no
-    # parent; it may well lie still, in made-up recordings to the last bit.
+    # No bone keeps still while its parent moves: the receiver's channel hangs, where poses are not relative
+    # to it. The base of the tree has no parent; it may well lie still, in made-up recordings to the last bit.
     still = [name for name, seg in segments.items() if not seg.moves and seg.complete >= FROZEN_FRAMES]
-    frozen = tuple(name for name in still if (up := segments.get(parents.get(name, ""))) and up.moves)
+    frozen = tuple(
+        name
+        for name in still
+        if (up := parents.get(name, "")) in segments
+        and segments[up].moves
+        and not _is_reference(files_by_name[name], files_by_name[up])
+    )
     return PosesTable(
         tuple(segments),
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
@@ -296,6 +304,15 @@ def _on_one_side(
         files[name].replace(rows)
         out[name] = replace(segments[name], usable=int(_usable(rows).sum()))
     return out
+
+
+def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
+    """Whether all poses are relative to this receiver, which is always at 0, not turned, beside its parent."""
+    rows, beside = file.rows(), parent.rows()
+    numbers = rows["numbers"][_complete(rows)][0]
+    apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
+    at_zero = np.allclose(np.abs(numbers), [0, 0, 0, 1, 0, 0, 0], atol=1e-6)
+    return bool(at_zero and len(apart_mm) and np.median(apart_mm) < BESIDE_MM)
 
 
 def _without_breaks(
