@@ -17,7 +17,7 @@ from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
-from shukotsu.study.findings import Finding
+from shukotsu.study.findings import REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
 from shukotsu.tables.line_printer import progress
@@ -95,6 +95,11 @@ def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]
         accepted = (finding.accept(recording.accept) for finding in checked.findings)
         findings += [(_name(recording), _said(finding)) for finding in accepted]
         digests.append((recording, checked.digest))
+    for hand in plan.hands:
+        if not plan.all_calibrating(hand):
+            who = plan.hand(hand)
+            name = " ".join(filter(None, (who.subject, who.session, who.hand)))
+            findings.append((name, _said(Finding("hand", REFUSED, "uncalibrated"))))
     return findings
 
 

@@ -307,7 +307,7 @@ def _on_one_side(
 
 
 def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
-    """Whether all poses are relative to this receiver, which is always at 0, not turned, beside its parent."""
+    """Whether all poses are relative to this receiver: always at 0, not turned, beside its parent."""
     rows, beside = file.rows(), parent.rows()
     numbers = rows["numbers"][_complete(rows)][0]
     apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
