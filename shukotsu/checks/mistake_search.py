@@ -212,9 +212,9 @@ MOVED_MM = 2.0
 """A joint whose centre moves farther on its bones is another joint."""
 BETTER = 0.95
 """Share of the median gap below which joints close better."""
-CLOSES, WORSE, WORSE_MM = 0.8, 1.25, 1.0
-"""Share of the median gap that axes which are put right leave at most; and how much wider the median gap of
-the joints concerned may become, of itself and in mm, where a mistake is undone."""
+CLOSES, WIDER_MM = 0.8, 0.5
+"""Share of the median gap that axes which are put right leave at most; and by how much the median gap of the
+joints concerned may grow where a mistake is undone."""
 
 
 @dataclass(frozen=True)
@@ -283,7 +283,7 @@ def _opens(
     for row, hypothesis in enumerate(hypotheses):
         concerned = body.concerned(hypothesis.places)
         before, after = np.median(explanation.gap_mm[[0, row + 1]][:, concerned], axis=1)
-        most = CLOSES * before if hypothesis.kind == "axes-mirrored" else WORSE * before + WORSE_MM
+        most = CLOSES * before if hypothesis.kind == "axes-mirrored" else before + WIDER_MM
         opens[row] = hypothesis.kind != "units" and after > most
     return opens
 
