@@ -12,7 +12,14 @@ import numpy.typing as npt
 from shukotsu.checks import timeline
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
 from shukotsu.checks.hypotheses import TIDY, Declared, Recorded, hypotheses
-from shukotsu.checks.mistake_search import Explanation, Search, effect, explain_joints, find_mistakes
+from shukotsu.checks.mistake_search import (
+    WIDER_MM,
+    Explanation,
+    Search,
+    effect,
+    explain_joints,
+    find_mistakes,
+)
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values, severity_of_loss
@@ -116,11 +123,13 @@ def _findings_of_hypotheses(
     segments: tuple[str, ...],
     hand: str,
     declared: Declared,
+    *,
+    flipping: bool = True,
 ) -> tuple[list[Finding], Search]:
-    """Findings of flips, spikes and all that a hypothesis undoes."""
-    declared_mm = line.position_mm
+    """Findings of flips, spikes and all that a hypothesis undoes; flipping : whether there may be flips."""
+    as_recorded = line
     jumping = sum(timeline.jumps(line, receiver) for receiver in range(len(segments))) > 0.5 * len(segments)
-    sign = np.ones(line.valid.shape, np.int8) if jumping else timeline.sides(line)
+    sign = timeline.sides(line) if flipping and not jumping else np.ones(line.valid.shape, np.int8)
     if (sign < 0).any():
         line = replace(line, position_mm=line.position_mm.copy(), valid=line.valid & (sign != 0))
         for receiver in np.flatnonzero((sign < 0).any(0)):
@@ -135,9 +144,12 @@ def _findings_of_hypotheses(
         return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
     flips = _flips(line, sign, segments)
     if flips:
-        as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
+        as_read = motion_of(as_recorded.position_mm, line.quaternion, usable, axes, hand)
         flipped = np.flatnonzero((sign < 0).any(0)).tolist()
         matters = effect(body, explain_joints(as_read, body), explain_joints(motion, body), flipped)
+        if matters["gap_after_mm"] > matters["gap_before_mm"] + WIDER_MM:  # no receiver that flipped
+            rest = (frame, body, layout, segments, hand, declared)
+            return _findings_of_hypotheses(as_recorded, *rest, flipping=False)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
