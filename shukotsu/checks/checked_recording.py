@@ -12,19 +12,24 @@ import numpy.typing as npt
 from shukotsu.checks import timeline
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
 from shukotsu.checks.hypotheses import TIDY, Declared, Recorded, hypotheses
-from shukotsu.checks.mistake_search import Explanation, Search, effect, explain_joints, find_mistakes
+from shukotsu.checks.mistake_search import (
+    WIDER_MM,
+    Explanation,
+    Search,
+    effect,
+    explain_joints,
+    find_mistakes,
+)
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
-from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values
+from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values, severity_of_loss
 from shukotsu.study.layout import Layout
-from shukotsu.tables.device_clock import ClockBreak, device_clock
+from shukotsu.tables.device_clock import ClockBreak, device_clock, without_packets
 from shukotsu.tables.poses import Poses
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
-LEAST_LEFT = 25.0
-"""Percent of a receiver's poses that a break must leave for the rest to be believed."""
 OPEN_GAP_MM = 15.0
-MANY_STUCK, MANY_REPEATED = 0.02, 0.4
+MANY_REPEATED = 0.4
 MOST_NAMED = 8
 """Poses that are named, of those where nothing can be."""
 SPEED_LIMIT_RAD_S = 25.0
@@ -54,11 +59,10 @@ def check_recording(
     """Test what was declared about a recording against its poses; left_out, breaks : of its import."""
     broken = _breaks(breaks)
     seen = [index for index, column in enumerate(poses.valid.T) if column.any()]
-    line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
+    time_s, packets = without_packets(poses.time_s)
+    line = Timeline(time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
-        line = Timeline(
-            poses.time_s, poses.position_mm[:, seen], poses.quaternion[:, seen], poses.valid[:, seen]
-        )
+        line = Timeline(time_s, poses.position_mm[:, seen], poses.quaternion[:, seen], poses.valid[:, seen])
     segments = tuple(poses.segments[index] for index in seen)
     body = expected_body(layout, segments)
     clock = timeline.true_clock(line)
@@ -81,18 +85,19 @@ def check_recording(
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
     dead = np.isfinite(ends).all((0, 2)) & (ends[0] == ends[-1]).all(-1) & ~poses.valid.any(0)
     frozen = [  # the first receiver that the import leaves out as it never moves though its parent does
-        Finding("receiver-stuck", NOTE, "all-along", {"segment": poses.segments[index]})
+        Finding("receiver-stuck", SUSPECT, "all-along", {"segment": poses.segments[index]})
         for index in np.flatnonzero(dead)[:1]
     ]
     empty = timeline.zeros(line)
     late = [
-        *_left_out(left_out or {}),
+        *_left_out(left_out or {}, len(poses.frame)),
         *frozen,
         *([Finding("zeros", SUSPECT, "", _most(line, empty, segments))] if empty.any() else []),
         *_alike(line, empty, segments, declared),
         *_stays(line, segments, declared),
         *_clock(line, clock, declared),
         *_clock_breaks(clock_breaks, poses.frame),
+        *([] if clock or not packets else [Finding("clock", NOTE, "packets", vars(packets))]),
         *short,
     ]
     return CheckedRecording((*broken, *findings, *late), poses_digest(poses), body, search.explanation)
@@ -118,11 +123,13 @@ def _findings_of_hypotheses(
     segments: tuple[str, ...],
     hand: str,
     declared: Declared,
+    *,
+    flipping: bool = True,
 ) -> tuple[list[Finding], Search]:
-    """Findings of flips, spikes and all that a hypothesis undoes."""
-    declared_mm = line.position_mm
+    """Findings of flips, spikes and all that a hypothesis undoes; flipping : whether there may be flips."""
+    as_recorded = line
     jumping = sum(timeline.jumps(line, receiver) for receiver in range(len(segments))) > 0.5 * len(segments)
-    sign = np.ones(line.valid.shape, np.int8) if jumping else timeline.sides(line)
+    sign = timeline.sides(line) if flipping and not jumping else np.ones(line.valid.shape, np.int8)
     if (sign < 0).any():
         line = replace(line, position_mm=line.position_mm.copy(), valid=line.valid & (sign != 0))
         for receiver in np.flatnonzero((sign < 0).any(0)):
@@ -137,9 +144,12 @@ def _findings_of_hypotheses(
         return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
     flips = _flips(line, sign, segments)
     if flips:
-        as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
+        as_read = motion_of(as_recorded.position_mm, line.quaternion, usable, axes, hand)
         flipped = np.flatnonzero((sign < 0).any(0)).tolist()
         matters = effect(body, explain_joints(as_read, body), explain_joints(motion, body), flipped)
+        if matters["gap_after_mm"] > matters["gap_before_mm"] + WIDER_MM:  # no receiver that flipped
+            rest = (frame, body, layout, segments, hand, declared)
+            return _findings_of_hypotheses(as_recorded, *rest, flipping=False)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
@@ -212,9 +222,9 @@ def _stays(line: Timeline, segments: Sequence[str], declared: Declared) -> list[
         return []
     receiver = int(np.argmax(share))
     row = int(np.argmax(still[:, receiver]))
-    severity = SUSPECT if share[receiver] > MANY_STUCK else NOTE
-    seen = {"segment": segments[receiver], "percent": 100 * share[receiver], **_first(line, row)}
-    return [Finding("receiver-stuck", severity, "at-times", seen)]
+    percent = 100 * float(share[receiver])
+    seen = {"segment": segments[receiver], "percent": percent, **_first(line, row)}
+    return [Finding("receiver-stuck", severity_of_loss(percent), "at-times", seen)]
 
 
 def _alike(
@@ -231,33 +241,39 @@ def _alike(
 
 
 LEFT_OUT = {
-    "hemisphere-flip": ("hemisphere", NOTE, "left-out"),
-    "hemisphere-transit": ("hemisphere", NOTE, "between"),
+    "hemisphere-flip": ("hemisphere", "", "left-out"),
+    "hemisphere-transit": ("hemisphere", "", "between"),
     "hemisphere-repaired": ("hemisphere", NOTE, "put-back"),
     "hemisphere-undecided": ("hemisphere", SUSPECT, "undecided"),
-    "spike": ("spikes", NOTE, "left-out"),
+    "spike": ("spikes", "", "left-out"),
 }
-"""Flags of what the import left out or put back: the kind, how grave it is, and which of its sentences."""
+"""Flags of what the import left out or put back: the kind, how grave it is, empty where that depends on how
+many there are, and which of its sentences."""
 
 
-def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
+def _left_out(left_out: Mapping[str, Mapping[str, int]], frames: int) -> list[Finding]:
     findings = []
     for flag, by_segment in left_out.items():
         kind, severity, variant = LEFT_OUT[flag]
         named = sorted(by_segment, key=lambda name: -by_segment[name])
         counts = [by_segment[name] for name in named]
         seen = {"count": sum(counts), "of": named, "counts": counts}
+        severity = severity or severity_of_loss(100 * max(counts) / frames)
         findings.append(Finding(kind, severity, variant, seen))
     return findings
 
 
 def _breaks(breaks: Sequence[Values]) -> list[Finding]:
-    """Name breaks; what is left is to suffice, or nothing is to be believed of it."""
+    """Name breaks, whose poses are left out."""
     findings = []
     for seen in breaks:
+        if "number" in seen:
+            pair = dict(zip(("segment", "segment_2"), seen["segments"], strict=True))
+            findings.append(Finding("receivers-swapped", SUSPECT, "in-part", {**seen, **pair}))
+            continue
         variant = "all" if len(seen["segments"]) > 1 else "until" if seen["until"] else "one"
-        severity = NOTE if seen["percent"] >= LEAST_LEFT else SUSPECT
-        findings.append(Finding("sudden-change", severity, variant, {**seen, "segment": seen["segments"][0]}))
+        severity, segment = severity_of_loss(100 - seen["percent"]), seen["segments"][0]
+        findings.append(Finding("sudden-change", severity, variant, {**seen, "segment": segment}))
     return findings
 
 

@@ -6,6 +6,7 @@ layout no more than that joints lie within some tens of centimetres of their rec
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,6 +67,11 @@ class ExpectedBody:
     swing_deg: Array
     has_anatomy: npt.NDArray[np.bool_]
     gap_mm: Array
+
+    def concerned(self, places: Collection[int] | None) -> npt.NDArray[np.bool_]:
+        """Which joints (J,) have a receiver among those places; all where none has, or places is None."""
+        concerned = np.asarray(np.isin(self.ends, [*(places or ())]).any(1))
+        return concerned if concerned.any() else np.ones(len(self.names), bool)
 
 
 def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:

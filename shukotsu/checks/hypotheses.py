@@ -113,11 +113,14 @@ def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
         hand = {"hand": "left" if recorded.hand == "right" else "right", "hand_2": recorded.hand}
         mistakes.append(Hypothesis("wrong-hand", SampledMotion.mirrored, "", hand))
         mistakes += [*_digit_swaps(recorded), *_turns(recorded)]
-    rivals = Counter((mistake.kind, mistake.places is None) for mistake in mistakes)
+    rivals = Counter((mistake.kind, mistake.places is None, mistake.penalty) for mistake in mistakes)
     return [
         replace(
             mistake,
-            penalty=float(np.log(rivals[mistake.kind, mistake.places is None] / SHARES[mistake.kind])),
+            penalty=mistake.penalty
+            + float(
+                np.log(rivals[mistake.kind, mistake.places is None, mistake.penalty] / SHARES[mistake.kind])
+            ),
             values={**mistake.values, **recorded.declared.unmapped},
         )
         for mistake in mistakes
@@ -139,6 +142,21 @@ SHARES = {
 """Share of a laboratory's recordings that have the mistake (ours), which its hypotheses share alike."""
 
 
+CYCLIC_ORDERS = ("wxyz", "xyzw", "yzwx", "zwxy")
+"""What comes of w, x, y, z and x, y, z, w taken for each other, once or twice."""
+ORDERS = (
+    *CYCLIC_ORDERS,
+    *dict.fromkeys(
+        order
+        for axes in map("".join, permutations("xyz"))
+        for order in (f"w{axes}", f"{axes}w")
+        if order not in CYCLIC_ORDERS
+    ),
+)
+"""Every order of a quaternion's numbers that is looked for: the cyclic ones, and w first or last."""
+RARE = float(np.log(20.0))
+"""Log odds against an order that is not cyclic."""
+
 INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 """Signs that make a unit quaternion its conjugate."""
 
@@ -159,22 +177,24 @@ def _undo_quaternion_change(
 
 
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
-    """Quaternions in the other order, rotations the other way round; only where the file could have it so."""
+    """Quaternions in another order, rotations the other way round; only where the file could have it so."""
     declared = recorded.declared
     rotates = SENSES[declared.rotates == SENSES[0]]
-    if declared.kind == "quaternion":
-        order = {"wxyz": "xyzw", "xyzw": "wxyz"}[declared.order]
+    for order in ORDERS if declared.kind == "quaternion" else ():
+        if order == declared.order:
+            continue
+        columns = ["wxyz".index(declared.order[order.index(part)]) for part in "wxyz"]
+        anew = ", ".join("q" + part for part in order)
         read, true = ", ".join(declared.order), ", ".join(order)
-        columns = [3, 0, 1, 2] if order == "xyzw" else [1, 2, 3, 0]
-        values = {"read": read, "true": true, "order": order, "rotates": rotates}
-        for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE)):
+        values = {"read": read, "true": true, "order": order, "rotates": rotates, "anew": anew}
+        usual = order in CYCLIC_ORDERS
+        for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE))[: 1 + usual]:
 
-            def reordered(q: Array, sign: Array = sign) -> Array:
+            def reordered(q: Array, columns: list[int] = columns, sign: Array = sign) -> Array:
                 return q[..., columns] * sign
 
-            yield Hypothesis(
-                "quaternion-order", _undo_quaternion_change(recorded, reordered), variant, values
-            )
+            undo, rareness = _undo_quaternion_change(recorded, reordered), 0.0 if usual else RARE
+            yield Hypothesis("quaternion-order", undo, variant, values, penalty=rareness)
     if declared.format != "c3d":  # clusters of markers have no orientations that could be inverse
         undo = _undo_quaternion_change(recorded, lambda q: q * INVERSE)
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})

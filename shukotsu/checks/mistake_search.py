@@ -212,6 +212,9 @@ MOVED_MM = 2.0
 """A joint whose centre moves farther on its bones is another joint."""
 BETTER = 0.95
 """Share of the median gap below which joints close better."""
+CLOSES, WIDER_MM = 0.8, 0.5
+"""Share of the median gap that axes which are put right leave at most; and by how much the median gap of the
+joints concerned may grow where a mistake is undone."""
 
 
 @dataclass(frozen=True)
@@ -243,6 +246,7 @@ def find_mistakes(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequenc
             - explanation.total[0]
             - np.array([hypothesis_left.penalty for hypothesis_left in left])
         )
+        gains[_opens(body, explanation, left)] = -np.inf
         if not body.has_anatomy.any():
             gains += _away(motion, left)
             gap = np.sqrt((explanation.gap_mm**2).mean(-1))
@@ -266,6 +270,22 @@ def find_mistakes(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequenc
             if (other.kind, other.places) != (chosen.kind, chosen.places) or chosen.kind == "digits-swapped"
         ]
     return Search(tuple(mistakes), motion, explanation)
+
+
+def _opens(
+    body: ExpectedBody, explanation: Explanation, hypotheses: Sequence[Hypothesis]
+) -> npt.NDArray[np.bool_]:
+    """Which hypotheses (H,) open the joints concerned, or do not close them though their kind has to.
+
+    Another unit has all gaps in another unit, and is judged by the hand's size.
+    """
+    opens = np.zeros(len(hypotheses), bool)
+    for row, hypothesis in enumerate(hypotheses):
+        concerned = body.concerned(hypothesis.places)
+        before, after = np.median(explanation.gap_mm[[0, row + 1]][:, concerned], axis=1)
+        most = CLOSES * before if hypothesis.kind == "axes-mirrored" else before + WIDER_MM
+        opens[row] = hypothesis.kind != "units" and after > most
+    return opens
 
 
 def _away(motion: SampledMotion, hypotheses: Sequence[Hypothesis]) -> Array:
@@ -367,8 +387,7 @@ def effect(
 
     places : receivers whose joints count; None: all. other_hand : whether undoing it mirrors the world.
     """
-    concerned = np.isin(body.ends, list(places)).any(1) if places else np.ones(len(body.names), bool)
-    concerned = concerned if concerned.any() else ~concerned
+    concerned = body.concerned(places)
     gaps = [float(np.median(joints.gap_mm[concerned])) for joints in (before, after)]
     moved = (_apart_mm(body, before, after, mirrored=other_hand)[concerned] > MOVED_MM).sum()
     values: dict[str, float | int | str] = {

@@ -18,7 +18,7 @@ from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
-from shukotsu.study.findings import NOTE, Finding
+from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
 from shukotsu.tables.line_printer import progress
@@ -26,13 +26,15 @@ from shukotsu.tables.poses import usable_poses
 from shukotsu.workflow.study_files import StudyFiles, import_options
 
 Said = tuple[str, int, str]
-"""A recording's name, the exit code that a sentence on it stands for, and the sentence."""
+"""Name of a recording or hand, the exit code of a sentence about it, and the sentence."""
+
+EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
 
 
 def check_study(path: Path) -> int:
     """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
 
-    Return the exit code: 2 where something cannot be read, else 1 where there is more than a note, else 0.
+    Return the exit code: 2 where something cannot be read or used, else 1 where there is more than a note, else 0.
     """
     files = read_files(path)
     study = files.study
@@ -93,7 +95,7 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
             findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()
-    return findings + [_said(recording, finding) for recording, finding in copies(digests)]
+    return findings + [_said(_name(recording), finding) for recording, finding in copies(digests)]
 
 
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[Said]:
@@ -105,14 +107,18 @@ def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]
     ]
     for recording, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
         accepted = (finding.accept(recording.accept) for finding in checked.findings)
-        findings += [_said(recording, finding) for finding in accepted]
+        findings += [_said(_name(recording), finding) for finding in accepted]
         digests.append((recording, checked.digest))
+    for hand in plan.hands:
+        if not plan.all_calibrating(hand):
+            who = plan.hand(hand)
+            name = " ".join(filter(None, (who.subject, who.session, who.hand)))
+            findings.append(_said(name, Finding("hand", REFUSED, "uncalibrated")))
     return findings
 
 
-def _said(recording: Recording, finding: Finding) -> Said:
-    sentence = f"{finding.severity}: {finding.kind}: {finding.message}"
-    return _name(recording), int(finding.severity != NOTE), sentence
+def _said(name: str, finding: Finding) -> Said:
+    return name, EXIT_CODES[finding.severity], f"{finding.severity}: {finding.kind}: {finding.message}"
 
 
 def _name(recording: Recording) -> str:

@@ -39,6 +39,7 @@ from shukotsu.hand.rotations import Array, conjugate, from_matrix, multiply, rot
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
+from shukotsu.tables.device_clock import without_packets
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import file_sha256
@@ -344,7 +345,7 @@ def nominal_rate_hz(frame: Index, time_s: Array) -> float:
     """Return frames a second: the median over neighbours; NaN where there are none with times that grow."""
     step = np.diff(frame)
     usual = step == (np.median(step) if len(step) else 0)
-    interval = np.diff(time_s)[usual]
+    interval = np.diff(without_packets(time_s)[0])[usual]
     interval = interval[np.isfinite(interval) & (interval > 0)]
     return float(1.0 / np.median(interval)) if len(interval) else float("nan")
 

@@ -68,6 +68,10 @@ class Field:
         return np.asarray((nearest / np.maximum(away, nearest)) ** POWER)
 
 
+SAME = 1e-4
+"""mm, and elements of a rotation, by which a pose that is computed scatters at most, and no measured one."""
+
+
 def fields(places: Array) -> list[Field]:
     """Sources all round the places (P, 3) where receivers were, with no error yet."""
     every = np.array([n for n in product((-1.0, 0.0, 1.0), repeat=3) if any(n)])
@@ -81,7 +85,12 @@ def fields(places: Array) -> list[Field]:
 
 
 def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
-    """The likeliest field, and the log likelihood that it explains beyond what any room has."""
+    """The likeliest field, and the log likelihood that it explains beyond what any room has.
+
+    Poses relative to one of the receivers are in no room that could be told.
+    """
+    if _is_relative(problem.frames):
+        return Field(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
     valid = problem.frames.valid.copy()
     for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
         for i, (_, s) in enumerate(receivers):
@@ -104,6 +113,19 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     abnormal = gain - most_within(np.tile(np.repeat(USUAL, 3), (n, 1)), slopes, curvatures)
     best = int(np.argmax(abnormal))
     return replace(tried[best], error=error[best]), float(abnormal[best])
+
+
+def _is_relative(frames: Frames) -> bool:
+    """Whether a receiver has one and the same pose in all frames, as no tracker measures it."""
+    for position_mm, rotation, seen in zip(
+        *(np.swapaxes(poses, 0, 1) for poses in (frames.position_mm, frames.rotation)),
+        frames.valid.T,
+        strict=True,
+    ):
+        spreads = [np.ptp(poses[seen], axis=0).max() for poses in (position_mm, rotation) if seen.any()]
+        if spreads and max(spreads) < SAME:
+            return True
+    return False
 
 
 def _room(frames: Frames) -> Array:

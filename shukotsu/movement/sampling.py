@@ -18,7 +18,7 @@ from scipy.ndimage import correlate1d
 from scipy.signal import savgol_coeffs
 
 from shukotsu.hand.rotations import Array
-from shukotsu.tables.device_clock import device_clock
+from shukotsu.tables.device_clock import device_clock, without_packets
 
 MOST_GAP_S = 0.05
 """Gaps up to this length are bridged by a straight line, but for ranges and distances; longer ones stay."""
@@ -56,6 +56,7 @@ def grid_of(time_s: Array) -> Grid | None:
     Stamps that are rounded, as to milliseconds, tell the rate by their mean. Where stamps scatter too much to
     say which frames are missing, as those that a host gives, none is taken for missing but in pauses.
     """
+    time_s = without_packets(time_s)[0]
     apart = np.diff(time_s)
     growing = apart[apart > 0]
     usual_s = float(np.median(growing)) if len(growing) else np.nan

@@ -1,5 +1,5 @@
 """Where a receiver jumps to its mirror image, at whatever rate and through any filter, or away and back; and
-where it breaks: from a moment on, for good, it is not where its neighbours say.
+where it breaks: from a moment on, for good, it is not where its neighbours say, or two have changed places.
 
 A magnetic tracker knows a position only up to its sign. From one frame to the next no receiver goes from p to
 near -p; the tracker's filter smears that jump over some frames, through the transmitter, where none can be.
@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from shukotsu.hand.rotations import Array, matrix
+from shukotsu.tables.device_clock import without_packets
 
 Integers = npt.NDArray[np.int64]
 
@@ -61,7 +63,7 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
     """The sides of a receiver in frames (N,), rising, at times (N,), NaN where unknown, and places (N, 3)."""
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
-        lasts, frame_s, seconds = np.diff(frame).astype(float), np.nan, np.diff(time_s)
+        lasts, frame_s, seconds = np.diff(frame).astype(float), np.nan, np.diff(without_packets(time_s)[0])
         timed = seconds > 0  # False for NaN
         if timed.any():
             frame_s = float(np.median(seconds[timed] / lasts[timed]))
@@ -142,27 +144,28 @@ def spikes(numbers: Array) -> Bools:
     if len(numbers) < 3:
         return spiked
     every = np.arange(len(numbers))
-    steps = _turned_and_apart(numbers, every[:-1], every[1:])
+    steps = _turned_and_apart(numbers[:-1], numbers[1:])
     large = np.percentile(steps, 95, axis=1)[:, None]
     far = np.maximum([[FAR_MM], [FAR_DEG]], SPIKE_STEPS * large)
     if not (steps > far).any():
         return spiked
     for length in range(1, min(LONGEST_FRAMES, len(numbers) - 2) + 1):
         before = every[: -length - 1]
-        near = _turned_and_apart(numbers, before, before + length + 1) < far / 2 + (length + 1) * large
+        ends = numbers[before], numbers[before + length + 1]
+        near = _turned_and_apart(*ends) < far / 2 + (length + 1) * large
         agree = before[near.all(0)]
         away = np.ones(len(agree), bool)
         for inside in range(1, length + 1):
             for end in (agree, agree + length + 1):
-                away &= (_turned_and_apart(numbers, end, agree + inside) > far).any(0)
+                away &= (_turned_and_apart(numbers[end], numbers[agree + inside]) > far).any(0)
         spiked[agree[away, None] + np.arange(1, length + 1)] = True
     return spiked
 
 
-def _turned_and_apart(numbers: Array, first: Integers, second: Integers) -> Array:
-    """Return the distances (2, M), in mm and deg, of poses of those rows from each other."""
-    cosine = np.abs(np.einsum("ij,ij->i", numbers[first, 3:], numbers[second, 3:])).clip(0.0, 1.0)
-    moved_mm = np.linalg.norm(numbers[first, :3] - numbers[second, :3], axis=-1)
+def _turned_and_apart(first: Array, second: Array) -> Array:
+    """Return the distances (2, M), in mm and deg, of poses (M, 7) from others."""
+    cosine = np.abs(np.einsum("ij,ij->i", first[:, 3:], second[:, 3:])).clip(0.0, 1.0)
+    moved_mm = np.linalg.norm(first[:, :3] - second[:, :3], axis=-1)
     return np.stack([moved_mm, 2 * np.degrees(np.arccos(cosine))])
 
 
@@ -181,6 +184,124 @@ PUT_ON = 0.1
 """Share of a recording, at its beginning, in which a receiver may not have been put on yet."""
 EVERY = 0.8
 """Share of the joints from which on all receivers break together: the file changes."""
+
+
+TELLING = 1.0
+"""Logarithm of the ratio of joints' gaps from which on they tell which way round two receivers are."""
+EXCHANGED, EXCHANGE_MM, EXCHANGE_DEG = 0.4, 5.0, 60.0
+"""Two receivers that change places go on where the other was: what is left of that, at most; how
+far a pose is off a steady run at least, and how far a receiver turns from one pose to the next at most."""
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Two receivers with each other's names in the frames `first` to `last`; frame : where they change."""
+
+    segments: tuple[str, str]
+    first: int
+    last: int
+    frame: int
+
+
+def exchanges(
+    segments: Sequence[str], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
+) -> list[Exchange]:
+    """Find receivers that change places within a recording, from one pose to the next.
+
+    Of the two ways that one is right in which, taken for all the recording, the joints close better or, where
+    that does not tell, neighbours are nearer.
+    """
+    steps = {name: _long_steps(*poses(name)) for name in segments}
+    out = []
+    for pair in combinations(segments, 2):
+        moments = _changes_of_places(steps[pair[0]], steps[pair[1]])
+        if not len(moments):
+            continue
+        frame = np.union1d(*(poses(name)[0] for name in pair))
+        way = np.searchsorted(moments, frame, side="right") % 2
+        wider = _wider(pair, moments, poses, links)
+        wrong = way == (wider > 0 if wider else 2 * way.sum() < len(way))
+        ends = np.flatnonzero(np.diff(wrong, prepend=False, append=False))
+        for start, end in zip(ends[::2], ends[1::2] - 1, strict=True):
+            changes = frame[start] if start else frame[end + 1]
+            out.append(Exchange(pair, int(frame[start]), int(frame[end]), int(changes)))
+    return out
+
+
+_Steps = tuple[Integers, Array, Array]
+"""Frames (N, 2) before and after a receiver's long steps, poses (N, 7) if it ran on, and as it is."""
+
+
+def _long_steps(frame: Integers, numbers: Array) -> _Steps:
+    expected = numbers[:-1].copy()
+    on = np.diff(frame, 2) == 0
+    expected[1:, :3] += np.where(on[:, None], np.diff(numbers[:-1, :3], axis=0), 0.0)
+    off_mm = np.linalg.norm(numbers[1:, :3] - expected[:, :3], axis=-1)
+    far_mm = max(EXCHANGE_MM, float(np.quantile(off_mm, 0.9)) if len(off_mm) else 0.0)
+    rows = np.flatnonzero(off_mm >= far_mm)
+    return np.stack([frame[rows], frame[rows + 1]], -1), expected[rows], numbers[rows + 1]
+
+
+def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
+    """Frames (M,) from which on each of two receivers is where the other was."""
+    moments = [np.zeros(0, np.int64)]
+    for side in (0, 1):  # in the frame before, or in that after, one of them may not be seen
+        _, i, j = np.intersect1d(first[0][:, side], second[0][:, side], return_indices=True)
+        (before, after), (before_2, after_2) = (first[1][i], first[2][i]), (second[1][j], second[2][j])
+        own_mm = _turned_and_apart(before, after)[0] + _turned_and_apart(before_2, after_2)[0]
+        crossed = np.stack([_turned_and_apart(before, after_2), _turned_and_apart(before_2, after)])
+        changed = (crossed[:, 0].sum(0) < EXCHANGED * own_mm) & (crossed[:, 1].max(0) < EXCHANGE_DEG)
+        moments.append(np.minimum(first[0][i, 1], second[0][j, 1])[changed])
+    return np.unique(np.concatenate(moments))
+
+
+def _wider(
+    pair: tuple[str, str],
+    moments: Integers,
+    poses: Callable[[str], ReceiverPoses],
+    links: Sequence[tuple[str, str]],
+) -> float:
+    """Return by how much, a logarithm, joints are wider the second way round than the first."""
+    ratios = np.zeros(2)
+    for link in links:
+        if {*pair} & {*link}:
+            named = [[_named(name, pair, poses, moments, way) for name in link] for way in (0, 1)]
+            first, second = (_gap_and_length_mm(*ends) for ends in named)
+            ratios += np.nan_to_num(np.log(second / first))
+    return float(ratios[0] if abs(ratios[0]) > TELLING else ratios[1])
+
+
+def _named(
+    name: str, pair: Sequence[str], poses: Callable[[str], ReceiverPoses], moments: Integers, way: int
+) -> ReceiverPoses:
+    """Poses of a receiver where one way of the two that change places is right all along."""
+    if name not in pair:
+        return poses(name)
+    frames, numbers = [], []
+    for part in pair:
+        frame, every = poses(part)
+        rows = np.searchsorted(moments, frame, side="right") % 2 == (way if part == name else 1 - way)
+        frames.append(frame[rows])
+        numbers.append(every[rows])
+    order = np.argsort(np.concatenate(frames))
+    return np.concatenate(frames)[order], np.concatenate(numbers)[order]
+
+
+def _gap_and_length_mm(above: ReceiverPoses, below: ReceiverPoses) -> Array:
+    """Gap of a joint, rms, and median distance of its receivers, (2,); NaN of too few frames."""
+    both, rows, others = np.intersect1d(above[0], below[0], assume_unique=True, return_indices=True)
+    if len(both) < FEWEST:
+        return np.full(2, np.nan)
+    sampled = np.linspace(0, len(both) - 1, min(SAMPLED, len(both))).astype(int)
+    turn, apart = _turn_and_apart(above[1][rows[sampled]], below[1][others[sampled]])
+    gap_mm = _rms(_gap_mm(turn, apart, _centre(turn, apart)))
+    return np.maximum([gap_mm, np.median(np.linalg.norm(apart, axis=-1))], LEAST_GAP_MM)
+
+
+def _turn_and_apart(parent: Array, child: Array) -> tuple[Array, Array]:
+    """The equations of a joint's centre from poses (M, 7) of its receivers: (M, 3, 6) and (M, 3)."""
+    turn = np.concatenate([-matrix(parent[:, 3:]), matrix(child[:, 3:])], -1)
+    return turn, parent[:, :3] - child[:, :3]
 
 
 @dataclass(frozen=True)
@@ -232,8 +353,7 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
         return None
     parent, child = above[1][rows], below[1][others]
     sampled = np.unique(np.linspace(0, len(frame) - 1, min(SAMPLED, len(frame))).astype(int))
-    apart = parent[sampled, :3] - child[sampled, :3]
-    turn = np.concatenate([-matrix(parent[sampled, 3:]), matrix(child[sampled, 3:])], -1)
+    turn, apart = _turn_and_apart(parent[sampled], child[sampled])
     distance_mm = np.linalg.norm(child[:, :3] - parent[:, :3], axis=-1)
     centre = _centre(turn, apart)
     open_mm = max(OPEN_MM, OPEN_SHARE * float(np.median(distance_mm[sampled])))

@@ -21,7 +21,7 @@ import pyarrow as pa
 
 from shukotsu.errors import InputError
 from shukotsu.readers.hemispheres import sides
-from shukotsu.readers.jumps import OwnSides, breaks, own_sides, spikes
+from shukotsu.readers.jumps import OwnSides, breaks, exchanges, own_sides, spikes
 from shukotsu.readers.samples import NUMBERS, Samples, unwrapped_frames
 from shukotsu.tables.limits import FARTHEST_MM
 
@@ -61,6 +61,8 @@ TWO_RECORDINGS = 10
 """Frames in turn that stand twice with other poses are no slip of a counter."""
 MANY_POSES = 20
 """In so many, the coordinates of a receiver that moves are no whole numbers."""
+BESIDE_MM = 200.0
+"""Nearer than this is a receiver to the next one of a body, and farther a transmitter."""
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
 ROW_GROUP_FRAMES = 1 << 15
@@ -206,11 +208,19 @@ def poses_table(
     _refuse_nonsense(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
+    segments, exchanged = _without_exchanges(segments, files_by_name, parents)
     segments, broken = _without_breaks(segments, files_by_name, parents)
-    # No bone keeps still while its parent moves: the receiver's channel hangs. The base of the tree has no
-    # parent; it may well lie still, in made-up recordings to the last bit.
+    broken = (*exchanged, *broken)
+    # No bone keeps still while its parent moves: the receiver's channel hangs, where poses are not relative
+    # to it. The base of the tree has no parent; it may well lie still, in made-up recordings to the last bit.
     still = [name for name, seg in segments.items() if not seg.moves and seg.complete >= FROZEN_FRAMES]
-    frozen = tuple(name for name in still if (up := segments.get(parents.get(name, ""))) and up.moves)
+    frozen = tuple(
+        name
+        for name in still
+        if (up := parents.get(name, "")) in segments
+        and segments[up].moves
+        and not _is_reference(files_by_name[name], files_by_name[up])
+    )
     return PosesTable(
         tuple(segments),
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
@@ -315,35 +325,73 @@ def _on_one_side(
     return out
 
 
+def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
+    """Whether all poses are relative to this receiver: always at 0, not turned, beside its parent."""
+    rows, beside = file.rows(), parent.rows()
+    numbers = rows["numbers"][_complete(rows)][0]
+    apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
+    at_zero = np.allclose(np.abs(numbers), [0, 0, 0, 1, 0, 0, 0], atol=1e-6)
+    return bool(at_zero and len(apart_mm) and np.median(apart_mm) < BESIDE_MM)
+
+
 def _without_breaks(
     segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
 ) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
     """Flag rows in which, for good, a receiver is not where its neighbours say; give the segments as they
     are then, and the values of a finding on each break.
     """
+    out, values = dict(segments), []
+    for gap in breaks(*_believed(segments, files, parents)):
+        for name in gap.segments:
+            frame = files[name].rows()["frame"]
+            _break_off(files[name], frame < gap.frame if gap.until else frame >= gap.frame)
+            out[name] = replace(segments[name], usable=int(_usable(files[name].rows()).sum()))
+        left = min(out[name].usable / segments[name].usable for name in gap.segments)
+        seen = {"segments": list(gap.segments), "until": gap.until, "grown": gap.grown, "percent": 100 * left}
+        values.append({**seen, **_when(files[gap.segments[-1]].rows(), gap.frame)})
+    return out, tuple(values)
+
+
+def _without_exchanges(
+    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
+) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
+    """Flag rows in which two receivers have each other's names; the rest as of breaks."""
+    out, values = dict(segments), []
+    for exchange in exchanges(*_believed(segments, files, parents)):
+        for name in exchange.segments:
+            frame = files[name].rows()["frame"]
+            _break_off(files[name], (frame >= exchange.first) & (frame <= exchange.last))
+            out[name] = replace(segments[name], usable=int(_usable(files[name].rows()).sum()))
+        frames = {"segments": list(exchange.segments), "number": exchange.first, "number_2": exchange.last}
+        values.append({**frames, **_when(files[exchange.segments[0]].rows(), exchange.frame)})
+    return out, tuple(values)
+
+
+def _believed(
+    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
+) -> tuple[list[str], Callable[[str], tuple[Integers, Array]], list[tuple[str, str]]]:
+    """Return the segments with a usable pose, what reads their poses, and the joints between them."""
 
     def poses(name: str) -> tuple[Integers, Array]:
         rows = files[name].rows()
         rows = rows[_usable(rows) & ((rows["flags"] & _BIT["hemisphere-undecided"]) == 0)]
         return rows["frame"], rows["numbers"]
 
-    out, values = dict(segments), []
     names = [name for name, segment in segments.items() if segment.usable]
-    links = [(parents[name], name) for name in names if parents.get(name, "") in names]
-    for gap in breaks(names, poses, links):
-        for name in gap.segments:
-            rows = files[name].rows().copy()
-            row = int(np.searchsorted(rows["frame"], gap.frame))
-            off = np.arange(len(rows)) < row if gap.until else np.arange(len(rows)) >= row
-            rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
-            files[name].replace(rows)
-            out[name] = replace(segments[name], usable=int(_usable(rows).sum()))
-        left = min(out[name].usable / segments[name].usable for name in gap.segments)
-        seen = {"segments": list(gap.segments), "until": gap.until, "grown": gap.grown, "percent": 100 * left}
-        time_s = float(rows["time_s"][row])
-        when = {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
-        values.append({**seen, **when})
-    return out, tuple(values)
+    return names, poses, [(parents[name], name) for name in names if parents.get(name, "") in names]
+
+
+def _break_off(file: _RowFile, off: npt.NDArray[np.bool_]) -> None:
+    rows = file.rows().copy()
+    rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
+    file.replace(rows)
+
+
+def _when(rows: Rows, frame: int) -> dict[str, Any]:
+    """Return when a frame is, of a segment's rows; of rows without a time, in which."""
+    row = min(int(np.searchsorted(rows["frame"], frame)), len(rows) - 1)
+    time_s = float(rows["time_s"][row])
+    return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
 def _one_a_frame(rows: Rows) -> tuple[Rows, tuple[int, int] | None]:

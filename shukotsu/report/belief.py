@@ -10,6 +10,7 @@ from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, PlotMark
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import DataTable, PageColumn, number, quantity_column, table_of, text_column
 from shukotsu.study import verdict
+from shukotsu.study.findings import PROBLEMS
 from shukotsu.study.layout import Layout
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, translated, word
@@ -42,9 +43,7 @@ _DOUBT_TEXTS: Mapping[str, str] = {
         "its receivers disagree by {gap_mm:.0f} mm, which the stated error does not know: a loose receiver, "
         "a wrong quaternion order or angle convention, or thick skin"
     ),
-    verdict.TOO_CLOSE: N_(
-        "{joints} lie {mm:.1f} mm apart, nearer than in any hand: look at the receivers on these fingers"
-    ),
+    verdict.TOO_CLOSE: str(PROBLEMS[verdict.TOO_CLOSE]),
     verdict.UNCERTAIN: N_("known less well than to {wanted_mm:g} mm (1 sigma, 3-D)"),
     verdict.ONE_WAY: N_(
         "known less well than to {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"

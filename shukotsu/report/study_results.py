@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from shukotsu.errors import InputError
 from shukotsu.hand.known_digits import leading_model
-from shukotsu.study.findings import NOTE, REFUSED, STAGE, finding_of_text, problem_row
+from shukotsu.study.findings import REFUSED, STAGE, SUSPECT, finding_of_text, problem_row
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
@@ -140,7 +140,7 @@ class StudyResults:
     @cached_property
     def suspect(self) -> frozenset[Hand]:
         """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
-        return frozenset(hand_of(row) for row in self.problems if row["severity"] == "suspect")
+        return frozenset(hand_of(row) for row in self.problems if row["severity"] == SUSPECT)
 
     def counted(self, rows: list[Row]) -> list[Row]:
         """Those rows that statistics are made of: not of suspect hands."""
@@ -155,8 +155,13 @@ class StudyResults:
 
     @cached_property
     def findings(self) -> list[Row]:
-        """Problems that poses show in what was declared of recordings, notes left out."""
-        return [row for row in self.problems if row["stage"] == STAGE and row["severity"] != NOTE]
+        """Problems with recordings: what is wrong, lost or left out in them, notes apart."""
+        stages = (STAGE, "capture")
+        return [
+            row
+            for row in self.problems
+            if row["severity"] == SUSPECT or (row["severity"] == REFUSED and row["stage"] in stages)
+        ]
 
     @property
     def of_hands(self) -> bool:
@@ -166,7 +171,7 @@ class StudyResults:
     @cached_property
     def accepted(self) -> list[Row]:
         """Findings that the recordings sheet gives a reason for."""
-        return [row for row in self.problems if row["stage"] == STAGE and row["accepted"]]
+        return [row for row in self.problems if row["accepted"]]
 
     def add_problem(self, stage: str, message: str, task: str = "") -> None:
         """Add what went wrong while the page is made, before its problems are asked for."""

@@ -19,6 +19,9 @@ from shukotsu.translation import N_, filled, foreign, listed, ngettext, tr, word
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"
 
+LEAST_LOST = 2.0
+"""Percent of a receiver's poses in a recording; fewer that are left out change no number that is shown."""
+
 Row = dict[str, Any]
 """A row of the problems table, or of the findings table."""
 
@@ -136,6 +139,11 @@ class Finding:
         if not reason or self.severity != SUSPECT:
             return self
         return replace(self, severity=NOTE, accepted=reason)
+
+
+def severity_of_loss(percent: float) -> str:
+    """Return how grave it is that so many of a receiver's poses are left out: a note changes no number."""
+    return SUSPECT if percent >= LEAST_LOST else NOTE
 
 
 def finding_of_text(kind: str, severity: str, text: str) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,16 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.study.findings import NOTE, REFUSED, Finding, finding_of_text, problem_of, problem_row
+from shukotsu.study.findings import (
+    NOTE,
+    REFUSED,
+    SUSPECT,
+    Finding,
+    finding_of_text,
+    problem_of,
+    problem_row,
+    severity_of_loss,
+)
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.results import GATHERED_TABLES
 from shukotsu.study.study import Recording
@@ -68,7 +77,8 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
             row |= {"status": REFUSED, "message": finding["message"]}
         problems.append(problem_of(finding))
     tables = {}
-    problems_of_rows = {
+    accepted = {(recording.hand.hand, recording.title): recording.accept for recording in plan.recordings}
+    problems_of_rows: dict[str, Callable[[pa.Table, Accepted], list[Row]]] = {
         RECEIVERS.name: _receiver_problems,
         MOVED_RECEIVERS.name: _moved_problems,
         CLOCKS.name: _clock_problems,
@@ -83,7 +93,7 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
             problems += part_problems(plan, file, table, stage)
         tables[name] = pa.concat_tables([part.replace_schema_metadata() for part in parts])
         if name in problems_of_rows:
-            problems += problems_of_rows[name](tables[name])
+            problems += problems_of_rows[name](tables[name], accepted)
     for hand in plan.hands:
         if not plan.all_calibrating(hand):
             uncalibrated = Finding("hand", REFUSED, "uncalibrated")
@@ -107,7 +117,11 @@ RECEIVER_KINDS = {"": "receiver", "step": "receiver-loose", "slide": "receiver-s
 OF_A_MODEL = ("subject", "session", "hand", "model")
 
 
-def _receiver_problems(receivers: pa.Table) -> list[Row]:
+Accepted = Mapping[tuple[str, str], str]
+"""By hand and recording, the reason of a study that lets its suspect findings stand."""
+
+
+def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Row]:
     """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
     disturbed field once for all receivers that are in it.
 
@@ -121,26 +135,37 @@ def _receiver_problems(receivers: pa.Table) -> list[Row]:
             in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
             continue
         values = {"segment": row["segment"], "text": row["message"]}
-        finding = Finding(RECEIVER_KINDS[row["loose_kind"]], NOTE, "", values)
+        severity = severity_of_loss(100 * row["left_out_share"])
+        finding = Finding(RECEIVER_KINDS[row["loose_kind"]], severity, "", values)
+        finding = finding.accept(accepted.get((row["hand"], row["loose_task"]), ""))
         problems.append(problem_row("fit_hand", finding, **_hand_of(row)))
     for rows in in_field.values():
-        finding = Finding("field-disturbed", NOTE, "", _field_values(rows))
+        values = _field_values(rows)
+        finding = Finding("field-disturbed", severity_of_loss(values["percent"]), "", values)
+        finding = finding.accept(
+            next((r for (hand, _), r in accepted.items() if r and hand == rows[0]["hand"]), "")
+        )
         problems.append(problem_row("fit_hand", finding, **_hand_of(rows[0])))
     return problems
 
 
-def _moved_problems(moved: pa.Table) -> list[Row]:
-    """Receivers that sit elsewhere in a recording than in the calibration."""
-    return [
-        problem_row(
-            "fit_hand",
-            Finding("receiver-moved", NOTE, "", {"segment": row["segment"], "text": row["message"]}),
-            **_hand_of(row),
-            task=_title(row),
-        )
-        for row in rows_of(moved)
-        if row["message"]
-    ]
+def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[Row]:
+    """Receivers that sit elsewhere in a recording than in the calibration, whose frames there are lost."""
+    problems = []
+    for row in rows_of(moved):
+        timed = row["from_s"] is not None and np.isfinite(row["from_s"])
+        values = {
+            "segment": row["segment"],
+            "recording": _title(row),
+            **({"first_s": row["from_s"]} if timed else {"number": row["from_frame"]}),
+            "mm": row["shift_mm"],
+            "deg": row["turn_deg"],
+            "joints": row["joints"].split(";"),
+        }
+        finding = Finding("receiver-moved", SUSPECT, "" if timed else "in-frame", values)
+        finding = finding.accept(accepted.get((row["hand"], _title(row)), ""))
+        problems.append(problem_row("fit_hand", finding, **_hand_of(row), task=_title(row)))
+    return problems
 
 
 def _title(row: Row) -> str:
@@ -166,7 +191,7 @@ def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _joint_problems(joints: pa.Table) -> list[Row]:
+def _joint_problems(joints: pa.Table, _: Accepted) -> list[Row]:
     """Neighbouring MCP centres that are nearer to each other than any hand has them, under each model."""
     return [
         problem_row(
@@ -179,7 +204,7 @@ def _joint_problems(joints: pa.Table) -> list[Row]:
     ]
 
 
-def _clock_problems(clocks: pa.Table) -> list[Row]:
+def _clock_problems(clocks: pa.Table, _: Accepted) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
     return [
         problem_row(

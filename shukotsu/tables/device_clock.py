@@ -17,6 +17,48 @@ WRAPS_S = (2**16 * 1e-3, *(2**bits * unit for unit in (1e-3, 1e-6, 1e-9) for bit
 """Amounts by which a counter in ms, us or ns falls back when it overflows."""
 
 
+PACKET_STEP, PACKET_GAP = 0.1, 3.0
+"""Frames are of one packet where they are nearer than this share of the usual interval; a gap before a packet
+that is so many times as long as its frames take is a pause."""
+
+
+@dataclass(frozen=True)
+class Packets:
+    """How frames arrived several at a time. frames : of a packet, usually. rate_hz : of the recording."""
+
+    frames: int
+    rate_hz: float
+
+
+def without_packets(time_s: Array) -> tuple[Array, Packets | None]:
+    """Return times (T,) in which frames that arrived together are spread evenly, and how they arrived.
+
+    A packet's last frame keeps its time, the others lie between it and the packet before. Times of frames
+    that arrive singly are as they were, and so are those of a clock that stood still for once.
+    """
+    timed = np.flatnonzero(np.isfinite(time_s))
+    if len(timed) < 3:
+        return time_s, None
+    times, over = time_s[timed], min(len(timed) - 1, max(64, len(timed) // 10))
+    usual_s = float(np.median(times[over:] - times[:-over])) / over
+    if not usual_s > 0:
+        return time_s, None
+    ends = np.append(np.flatnonzero(np.abs(np.diff(times)) >= PACKET_STEP * usual_s), len(times) - 1)
+    sizes = np.diff(ends, prepend=-1)
+    usual = int(np.median(sizes))
+    if usual < 2:
+        return time_s, None
+    since_s = np.diff(times[ends], prepend=times[0] - 1.0)
+    runs_on = (since_s > 0) & (since_s < PACKET_GAP * sizes * usual_s)
+    runs_on[0] = False
+    usual_s = float(since_s[runs_on].sum() / sizes[runs_on].sum()) if runs_on.any() else usual_s
+    step_s = np.where(runs_on, since_s / sizes, usual_s)
+    before = np.repeat(ends, sizes) - np.arange(len(times))
+    spread = time_s.copy()
+    spread[timed] = np.repeat(times[ends], sizes) - before * np.repeat(step_s, sizes)
+    return spread, Packets(usual, 1 / usual_s)
+
+
 @dataclass(frozen=True)
 class ClockBreak:
     """Step of a recording's times in which the clock did not run on.
@@ -64,6 +106,7 @@ def device_clock(
         In the order of time.
 
     """
+    time_s = without_packets(time_s)[0]
     timed = np.flatnonzero(np.isfinite(time_s))
     at = np.flatnonzero(np.diff(time_s[timed]) != 0) + 1
     if not len(at):

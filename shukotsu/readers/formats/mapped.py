@@ -178,7 +178,7 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
     """
     kind = orientation["kind"]
     if kind == "quaternion":
-        turned = numbers if orientation["order"] == "wxyz" else numbers[:, [3, 0, 1, 2]]
+        turned = numbers[:, [orientation["order"].index(part) for part in "wxyz"]]
     elif kind == "euler":  # Polhemus azimuth, elevation, roll are ZYX (LIBERTY user manual, attitude matrix)
         # R = R_a(first) R_b(second) R_c(third): each turn is about the receiver's axes as they then stand
         angles_rad = np.radians(numbers) if orientation["unit"] == "deg" else numbers
