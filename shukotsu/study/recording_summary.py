@@ -135,7 +135,7 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Row]:
             in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
             continue
         values = {"segment": row["segment"], "text": row["message"]}
-        severity = severity_of_loss(100 * row["left_out_share"])
+        severity = severity_of_loss(100 * (row["left_out_share"] or 0.0))
         finding = Finding(RECEIVER_KINDS[row["loose_kind"]], severity, "", values)
         finding = finding.accept(accepted.get((row["hand"], row["loose_task"]), ""))
         problems.append(problem_row("fit_hand", finding, **_hand_of(row)))

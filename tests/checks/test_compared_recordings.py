@@ -57,7 +57,7 @@ def test_one_that_breaks_within_itself_judges_no_other(
     seen = {"segments": ["hand"], "until": False, "grown": 5.0, "percent": 50.0, "first_s": 2.0}
     broken = check_recording(hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen])
     assert kinds([("rom", "right", broken), other])[1] == []
-    assert kinds([("rom", "right", broken), person[1]]) == [[("sudden-change", NOTE)], []]
+    assert kinds([("rom", "right", broken), person[1]]) == [[("sudden-change", SUSPECT)], []]
     few = check_recording(
         hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen | {"percent": 9.0}]
     )

@@ -720,8 +720,10 @@ NOTHING_TO_WRITE = {
     "hemisphere/undecided": "the laboratory alone knows which numbers are on the wrong side",
     **dict.fromkeys(("same-file", "other-person/another", "other-person/put-on-anew"), "by the sheet alone"),
     "unchecked": "the check failed",
-    "cluster-not-rigid": "with a C3D file's clusters, in test_inspect_file",
-    "receivers-absent": "by a layout, above",
+    **dict.fromkeys(
+        ("cluster-not-rigid", "cluster-not-rigid/apart"), "with a C3D file's clusters, in test_inspect_file"
+    ),
+    **dict.fromkeys(("receivers-absent", "receivers-absent/unmapped"), "by a layout, above"),
 }
 """Mistakes whose cure cannot be followed with one recording, and why."""
 

@@ -138,6 +138,7 @@ def test_knuckles_nearer_than_any_hands_are_not_believed(build: Build) -> None:
                     {**dict.fromkeys(OF_A_MODEL, "a"), "reason_values": row["reason_values"]}
                     for row in doubted.values()
                 ]
-            )
+            ),
+            {},
         )
     ] == [TOO_CLOSE] * 2

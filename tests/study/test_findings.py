@@ -49,6 +49,7 @@ EFFECT = {**GAPS, "effect": "closer"}
 
 BROKEN = {"segments": ["hand"], "segment": "hand", "until": False, "grown": 25.4, "percent": 48.0}
 
+MOVED = {"segment": "hand", "recording": "rom", "mm": 4.2, "deg": 12.0, "joints": ["index_mcp", "middle_mcp"]}
 LOOSE = {"segment": "hand", "percent": 12.0, "groups": "[A, B, C]"}
 EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
@@ -66,6 +67,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("time-unit", "scaled"): [CLOCK],
     ("time-unit", "rate"): [{"rate_hz": 0.24, "true_hz": 240.0}],
     **{("clock", kind): [BREAK] for kind in ("ahead", "back", "midnight", "wrap", "still")},
+    ("clock", "packets"): [{"frames": 4, "rate_hz": 120.0}],
     ("hemisphere", "jumps"): [
         {"segment": "hand", "count": 2, "others": 3, **AT},
         {"segment": "hand", "count": 1, "others": 1, "first_row": 12},
@@ -94,14 +96,16 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("spikes", "all"): [{}, {"unmapped": True}],
     ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
     ("knuckles-too-close", ""): [{"joints": ["middle_mcp", "ring_mcp"], "mm": 4.5}],
-    ("receiver-loose", ""): [{"segment": "hand", "message": "came loose"}],
-    ("receiver-slid", ""): [{"segment": "hand", "message": "slid"}],
-    ("receiver-moved", ""): [{"segment": "hand", "message": "sits elsewhere"}],
+    ("receiver-loose", ""): [{"segment": "hand", "text": "came loose"}],
+    ("receiver-slid", ""): [{"segment": "hand", "text": "slid"}],
+    ("receiver-moved", ""): [MOVED | AT],
+    ("receiver-moved", "in-frame"): [MOVED | {"number": 7}],
     ("field-disturbed", ""): [
         {"x": 220.0, "y": -80.0, "z": -50.0, "count": 2, "mm": 6.2, "deg": 3.0, "percent": 4.0,
          "segments": ["index_distal", "index_middle"]}
     ],
     ("receivers-swapped", ""): [PAIR, PAIR | {"unmapped": True}],
+    ("receivers-swapped", "in-part"): [PAIR | AT | {"number": 7, "number_2": 90}],
     ("digits-swapped", "two"): [
         {"digit": "thumb", "digit_2": "index", "pairs": PAIRS},
         {"digit": "thumb", "digit_2": "index", "pairs": PAIRS, "unmapped": True},
