@@ -34,7 +34,7 @@ EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
 def check_study(path: Path) -> int:
     """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
 
-    Return the exit code: 2 where something cannot be read or used, else 1 where there is more than a note, else 0.
+    Return the exit code: 2 where something cannot be read or used, else 1 where something is suspect, else 0.
     """
     files = read_files(path)
     study = files.study

@@ -1,5 +1,6 @@
 """`shukotsu inspect`: what it says of each kind of file; its drafts lead to an import."""
 
+import itertools
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -293,10 +294,9 @@ def test_a_draft_pairs_columns_by_their_names(run: Run, names: str, gap: str) ->
         [[text.format(n, axis) for axis in letters] for n in (1, 2, 3)]
         for text, letters in zip((names, NAMES[names]), axes, strict=True)
     )
-    columns = dict(
-        zip(sum(places, []), np.concatenate([1000 * PLACE + n for n in range(3)], 1).T, strict=True)
-    )
-    columns |= dict(zip(sum(turns[::-1], []), np.tile(TURNED, 3).T, strict=True))
+    positions = np.concatenate([1000 * PLACE + n for n in range(3)], 1).T
+    columns = dict(zip(itertools.chain(*places), positions, strict=True))
+    columns |= dict(zip(itertools.chain(*turns[::-1]), np.tile(TURNED, 3).T, strict=True))
     for title in [*places[1] * ("orientation" not in gap), *turns[1] * ("position" not in gap)]:
         columns[title] = np.full(FRAMES, np.nan)
     if gap == "no position":

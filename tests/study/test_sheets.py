@@ -40,7 +40,7 @@ def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: 
 
 
 def test_a_sheet_as_a_spreadsheet_saves_it(tmp_path: Path) -> None:
-    """Columns and rows without anything, quotation marks round a cell that has some, UTF-16, cells of nothing."""
+    """Empty columns and rows, a cell in quotation marks that holds some, UTF-16, cells that mean no value."""
     lines = [f"{RECORDING[0]}\tformat\t\t", '01\tright\trom\tboth\t"a ""b"", 1.csv"\tn/a\t\t\t', "\t" * 7]
     (row,) = read_sheet(written(tmp_path, lines, "\r\n", "utf-16"), RECORDINGS)
     assert (row["file"], row["format"]) == ('a "b", 1.csv', "auto")

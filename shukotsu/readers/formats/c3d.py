@@ -387,13 +387,14 @@ def _of_cluster(
         return poses, misfit, note, []
     groups = rigid_groups(points_mm)
     rigid = [f"[{', '.join(markers[index] for index in group)}]" for group in groups]
-    seen = {
+    loose = {
         "segment": segment,
         "count": int(odd.sum()),
         "percent": 100 * odd.sum() / np.isfinite(misfit).sum(),
+        "groups": rigid,
+        "whole": [*map(len, groups)] == [len(markers)],
     }
-    whole = [*map(len, groups)] == [len(markers)]
-    return poses, misfit, note, [{**seen, "groups": rigid, "whole": whole}]
+    return poses, misfit, note, [loose]
 
 
 def _of_rotation(

@@ -207,7 +207,7 @@ def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("rate_hz", "sd_ms"), [(120, 0.3), (120, 1.5), (120, 3.0), (240, 0.3), (240, 1.5)])
 @pytest.mark.parametrize("lost", [0.0, 0.03])
 def test_frames_of_rows_that_arrive_late(lost: float, rate_hz: float, sd_ms: float, order: str) -> None:
-    """As many frames as there were; what is a frame off was foreseen, and of rows in their order is little."""
+    """As many frames as were recorded, or a sentence that their number is open; few rows a frame off."""
     random, tracks = np.random.default_rng(4), {}
     for segment in map(str, range(12)):
         frame = np.flatnonzero(random.random(900) >= lost)
@@ -215,13 +215,17 @@ def test_frames_of_rows_that_arrive_late(lost: float, rate_hz: float, sd_ms: flo
         rows = np.argsort(time_s) if order == "time" else np.arange(len(frame))
         tracks[segment] = Track(rows, frame[rows], time_s[rows], np.zeros((len(rows), 7)))
     framed, notes, losses = framed_by_time(tracks)
+    said = " ".join((*notes, *losses))
     frames = np.concatenate([track.frame for track in framed.values()])
-    assert len(np.unique(frames)) == 900
+    is_open = "leave open how many frames there were" in said
+    assert is_open == (lost > 0 and sd_ms / 1000 * rate_hz > 0.3)
+    assert len(np.unique(frames)) == pytest.approx(900, rel=0.03 if is_open else 0)
+    doubtful = re.search(r"about (\d+) may be a frame off", said)
+    assert bool(doubtful) == (sd_ms / 1000 > 0.05 / rate_hz)
     off = int(np.count_nonzero(frames != np.concatenate([track.frame for track in tracks.values()])))
-    said = re.search(r"about (\d+) may be a frame off$", " ".join((*notes, *losses)))
-    assert off <= (2 * int(said[1]) + 10 if said else 0)
-    assert bool(said) == (sd_ms / 1000 > 0.05 / rate_hz)
-    assert order == "time" or off <= 0.5 * lost * len(frames)
+    if not is_open:
+        assert off <= (2 * int(doubtful[1]) + 10 if doubtful else 0)
+        assert order == "time" or off <= 0.5 * lost * len(frames)
 
 
 @pytest.mark.parametrize("rows", ["long", "wide"])
@@ -229,20 +233,23 @@ def test_frames_of_rows_that_arrive_late(lost: float, rate_hz: float, sd_ms: flo
 def test_a_full_counter_is_counted_on(tmp_path: Path, bits: int, apart: int, rows: str) -> None:
     """One receiver begins later, after the counter was full once; two takes are not one."""
     frames = 2**bits - 20 * apart + apart * np.arange(4 * 2**bits // apart // 3 if bits == 8 else 60)
-    cells = [f"{n % 2**bits},{{}},{n - frames[0]},0,0,0,0,0,1" for n in frames]
-    lines = [line.format(sensor) for sensor in (1, 2) for line in (cells if sensor == 1 else cells[30:])]
-    mapping = changed(LONG, {"time": "x", "time_unit": "ms"})
+    counts = [(n % 2**bits, n - frames[0]) for n in frames]
+    head, mapping = LONG_TEXT.splitlines()[0], changed(LONG, {"time": "x", "time_unit": "ms"})
+    late = counts[30:]
+    lines = [f"{n},{who},{t},0,0,0,0,0,1" for who, rows_of in ((1, counts), (2, late)) for n, t in rows_of]
     if rows == "wide":
-        lines = [f"{line},{line}" for line in cells]
-    samples = read(tmp_path, "\n".join([LONG_TEXT.splitlines()[0], *lines, ""]), mapping)
+        head, mapping = f"n,{HEADER.strip()}", changed(WIDE, {"frame": "n"})
+        worn = [*[",,,,,"] * 30, *["4,5,6,0,0,0"] * len(late)]
+        lines = [f"{n},{t},1,2,3,0,0,0,{second}" for (n, t), second in zip(counts, worn, strict=True)]
+    samples = read(tmp_path, "\n".join([head, *lines, ""]), mapping)
     forearm, hand = (samples.frame[of(samples, segment)] for segment in ("forearm", "hand"))
     np.testing.assert_array_equal(forearm - forearm[0], frames - frames[0])
-    np.testing.assert_array_equal(hand, forearm[30:])
+    np.testing.assert_array_equal(hand, forearm if rows == "wide" else forearm[30:])
     assert "the frame counter begins anew after" in samples.notes[0]
 
 
 def test_nanoseconds_are_added_and_dates_are_read(tmp_path: Path) -> None:
-    text = TIMES.format("2026-03-04T10:15:30.120Z", "2026-03-04 09:15:31,5-01:00")
+    text = TIMES.format("2026-03-04T10:15:30.120Z", '"2026-03-04 09:15:31,5-01:00"')
     for unit in ("s", "iso8601"):
         times_s = read(tmp_path, text, changed(WIDE, {"time_unit": unit})).time_s
         np.testing.assert_allclose(times_s[:2] - 1772619330, [0.12, 1.5], atol=1e-6)
