@@ -17,6 +17,8 @@ from shukotsu.resources import ROOT
 from shukotsu.translation import N_, filled, foreign, listed, ngettext, tr, word
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
+EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
+"""Exit codes of a check by the gravest finding."""
 STAGE = "check_recordings"
 
 LEAST_LOST = 2.0
