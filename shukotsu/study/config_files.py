@@ -17,7 +17,6 @@ from typing import Any
 import yaml
 
 from shukotsu.errors import InputError, shorten
-from shukotsu.left import instead
 from shukotsu.resources import ROOT
 from shukotsu.tables import limits
 from shukotsu.tables.text_files import read_text, slash_hint
@@ -227,8 +226,6 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     path = folder / name
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
-    if why := instead(kind, name):
-        raise InputError(f"{kind}s: {why}")
     close = difflib.get_close_matches(name, shipped_names(kind), 1)
     near = f"; did you mean {close[0]!r}?" if close else slash_hint(name)
     raise InputError(
@@ -266,13 +263,11 @@ def _sentence(error: Any) -> str:
         odd = sorted(str(key) for key in set(instance) - set(keys))
         close = difflib.get_close_matches(odd[0], keys, 1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
-        why = next(filter(None, (instead("key", key) for key in odd)), "")
-        fault = why or f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{hint}"
+        fault = f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{hint}"
     elif rule == "required":
         fault = f"the key {', '.join(repr(key) for key in value if key not in instance)} is missing"
     elif rule == "enum":
-        why = instead(str(path[0]).removesuffix("s"), str(instance))
-        fault = why or f"{actual}; expected one of {', '.join(map(str, value))}"
+        fault = f"{actual}; expected one of {', '.join(map(str, value))}"
     elif rule == "type":
         kinds = [value] if isinstance(value, str) else value
         fault = f"{actual}; expected {' or '.join(_IN_WORDS[kind] for kind in kinds)}"
