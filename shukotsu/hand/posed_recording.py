@@ -104,7 +104,7 @@ class RecordingReader:
     def unbelieved(self, column: str, name: str) -> str:
         """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
-        return join_reasons(f"{row['segment']}: {row['message']}" for row in rows)
+        return join_reasons(moved_finding(row).message for row in rows)
 
     @cached_property
     def seen(self) -> set[str]:

@@ -151,25 +151,15 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Row]:
 
 def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[Row]:
     """Receivers that sit elsewhere in a recording than in the calibration, whose frames there are lost."""
-    problems = []
-    for row in rows_of(moved):
-        timed = row["from_s"] is not None and np.isfinite(row["from_s"])
-        values = {
-            "segment": row["segment"],
-            "recording": _title(row),
-            **({"first_s": row["from_s"]} if timed else {"number": row["from_frame"]}),
-            "mm": row["shift_mm"],
-            "deg": row["turn_deg"],
-            "joints": row["joints"].split(";"),
-        }
-        finding = Finding("receiver-moved", SUSPECT, "" if timed else "in-frame", values)
-        finding = finding.accept(accepted.get((row["hand"], _title(row)), ""))
-        problems.append(problem_row("fit_hand", finding, **_hand_of(row), task=_title(row)))
-    return problems
-
-
-def _title(row: Row) -> str:
-    return ", ".join(filter(None, (row["task"], row["trial"])))
+    return [
+        problem_row(
+            "fit_hand",
+            moved_finding(row).accept(accepted.get((row["hand"], title_of(row)), "")),
+            **_hand_of(row),
+            task=title_of(row),
+        )
+        for row in rows_of(moved)
+    ]
 
 
 def _hand_of(row: Row) -> dict[str, str]:
@@ -208,7 +198,7 @@ def _clock_problems(clocks: pa.Table, _: Accepted) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
     return [
         problem_row(
-            "align_events", finding_of_text("events", NOTE, row["message"]), **_hand_of(row), task=_title(row)
+            "align_events", finding_of_text("events", NOTE, row["message"]), **_hand_of(row), task=title_of(row)
         )
         for row in rows_of(clocks)
         if row["status"] in ("weak", "failed")
