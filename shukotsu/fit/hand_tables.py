@@ -21,7 +21,6 @@ from shukotsu.study.verdict import UNJUDGED, note_doubts
 from shukotsu.tables import catalogue
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import Table, vector_columns
-from shukotsu.translation import listed
 
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"

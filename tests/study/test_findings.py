@@ -73,7 +73,9 @@ def examples() -> list[Finding]:
     """Every kind and variant in each of its forms, and one with each kind of evidence."""
     every = [finding_of_key(key, **form) for key in (*MISTAKES, *PROBLEMS) for form in FORMS]
     in_row = {name: value for name, value in VALUES.items() if name != "first_s"} | {"first_row": 12}
-    every += [replace(finding, values=in_row) for finding in every if "{at}" in str(MISTAKES.get(finding.key))]
+    every += [
+        replace(finding, values=in_row) for finding in every if "{at}" in str(MISTAKES.get(finding.key))
+    ]
     swapped = [finding_of_key("receivers-swapped", seen=seen, **values) for seen, values in EVIDENCE.items()]
     every.append(Finding("receiver", SUSPECT, "", {"segment": "hand", "text": "no valid pose of hand"}))
     put_right = finding_of_key("hemisphere/jumps", **EFFECT)
