@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from shukotsu.errors import InputError
 from shukotsu.left import instead
+from shukotsu.tables import limits
 from shukotsu.tables.limits import RATES_HZ
 
 
@@ -78,7 +79,7 @@ def check_family(name: str, where: str) -> None:
 
 STATIONS = frozenset(range(256))
 """Numbers that a station's byte can have; no tracker has as many."""
-MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
+MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
 
 
 @dataclass(frozen=True)
