@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 from shukotsu.errors import InputError, guess
+from shukotsu.tables import limits
 from shukotsu.tables.limits import RATES_HZ
 
 
@@ -76,7 +77,7 @@ def check_family(name: str, where: str) -> None:
 
 STATIONS = frozenset(range(256))
 """Numbers that a station's byte can have; no tracker has as many."""
-MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
+MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
 
 
 @dataclass(frozen=True)
