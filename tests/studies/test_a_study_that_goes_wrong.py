@@ -95,7 +95,7 @@ FINDINGS = {
     (f"{PATTERN}, right, {{rom}}", "receivers-absent"),
     (f"{PATTERN}, left, rom", "receivers-absent"),
 }
-"""Recordings that stand for several people, and a right hand that stands for a left one; a receiver without a pose."""
+"""Recordings that stand for several people, a right hand that stands for a left one, a dead receiver."""
 WITHOUT_JOINTS = [
     ("missing", "right", "nowhere.parquet: no such file"),
     ("missing", "left", "folders are separated by /"),
