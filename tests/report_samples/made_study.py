@@ -399,7 +399,8 @@ def joint_error_rows(models: Sequence[str], *, spoiled: bool) -> list[Row]:
                 row |= {"error_mm": error, "along_mm": 0.8 * error, "across_mm": -0.6 * error}
                 row |= {"parent_error_mm": error, "bone": joint, "bone_error_percent": -error}
                 row |= {"axis_deg": 2 * error if LAYOUT.joints[joint].dof == 1 else None}
-                row |= {} if name == "prior-only" else {"within_95": error < 5, "sd_mm": 1.0}
+                row |= {} if name == "prior-only" else {"within_95": error < 5, "parent_within_95": error < 2}
+                row |= {} if name == "prior-only" else {"sd_mm": 1.0}
             rows.append(row)
     return rows
 
