@@ -4,6 +4,8 @@ How large residuals, misplacements and skin motion are in this hand are scales o
 each makes the unknowns of its group as large as its prior says, as far as the data determine them (the fixed
 point of the evidence; MacKay 1992). It is held to the literature's by very little: skin that does not move,
 or a tracker without noise, must not be believed to be there because it usually is.
+
+On paper: docs/whole-hand.md, sections 5 and 7.
 """
 
 from __future__ import annotations

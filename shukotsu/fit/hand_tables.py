@@ -1,4 +1,7 @@
-"""The tables of a fitted hand; rows of its joints, bones, receivers and gains, all but the part's keys."""
+"""The tables of a fitted hand; rows of its joints, bones, receivers and gains, all but the part's keys.
+
+On paper: docs/whole-hand.md, section 8.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""One skeleton of a hand under a model that fits it whole: fitted, and every recording posed with it."""
+"""One skeleton of a hand under a model that fits it whole: fitted, and every recording posed with it.
+
+On paper: docs/whole-hand.md, sections 7 and 10.
+"""
 
 from __future__ import annotations
 

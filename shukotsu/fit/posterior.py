@@ -3,6 +3,8 @@
 The mean posture is the mean over the recording of every joint angle. A joint centre is stated where it was
 there, in the receiver's frame as the receiver rode on the skin: how skin moved a receiver from where it sits
 on a straight digit is an extrapolation that no recording shows.
+
+On paper: docs/whole-hand.md, sections 7 and 8.
 """
 
 from __future__ import annotations
