@@ -243,7 +243,7 @@ def fit_hand(
         solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
     evidence = Evidence(
-        layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
+        layout, model, convention, problem, posterior, posterior, share, solution.point.y, solution.converged
     )
     return HandFit(evidence, summarise(evidence), _residual_rms(problem, solution, model))
 

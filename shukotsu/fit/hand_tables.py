@@ -38,6 +38,7 @@ FIT: Mapping[str, Table] = {
     "receivers": catalogue.RECEIVERS,
     "moved_receivers": catalogue.MOVED_RECEIVERS,
     "gains": catalogue.GAINS,
+    "length_pulls": catalogue.LENGTH_PULLS,
     "joint_angles": catalogue.JOINT_ANGLES,
     "bone_poses": catalogue.BONE_POSES,
     "posed_tips": catalogue.POSED_TIPS,

@@ -30,6 +30,7 @@ from shukotsu.fit.hand_tables import (
     moved_rows,
     receiver_rows,
 )
+from shukotsu.fit.length_pulls import pull_rows
 from shukotsu.fit.loose_receivers import NORMAL, LooseReceiver, moved_in
 from shukotsu.fit.operations import Index
 from shukotsu.hand.known_digits import known_digits
@@ -76,7 +77,7 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     recorded = dict(tables)
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
     if not usable_poses([plan.poses(recording) for recording in calibration])[0]:
-        for name in ("receivers", "moved_receivers", "gains"):
+        for name in ("receivers", "moved_receivers", "gains", "length_pulls"):
             recorded.pop(name).rows(part, [])
     return list(recorded.values())
 
@@ -95,6 +96,7 @@ def write_part(
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
     tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
     tables["gains"].rows(part, gains(tips) if weighed else [])
+    tables["length_pulls"].rows(part, pull_rows(tips.fit.evidence) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating, tasks = (

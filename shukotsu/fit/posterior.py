@@ -55,13 +55,17 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad."""
+    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad.
+
+    alone : the posterior before the other hand and touches had a say.
+    """
 
     layout: Layout
     model: HandModel
     convention: Convention
     problem: Problem
     posterior: Posterior
+    alone: Posterior
     share: Array
     states: Array
     converged: bool
