@@ -21,7 +21,8 @@ from shukotsu.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, simulate
 from shukotsu.study.layout import read_layout
-from shukotsu.study.verdict import BELIEVE, RADIUS_SD, judged_joint
+from shukotsu.study.stated_error import halves_mm2, is_within_95
+from shukotsu.study.verdict import BELIEVE, judged_joint
 from shukotsu.tables.poses import Poses
 
 WRITTEN_TO = "accuracy.md", "two drawings"
@@ -57,15 +58,15 @@ class Drawn:
 
 @dataclass(frozen=True)
 class JointErrors:
-    """One joint of one hand: off_mm (2, 3) of both halves, as on a right hand, x distal and z dorsal; sd_mm
-    as stated; posed_mm : mean distance, frame by frame, in the transmitter's frame; slope : of the fitted
-    flexion over the true one; believed : whether the report believes it.
+    """One joint of one hand: off_mm (2, 3) of both halves, in the parent's and the child's receiver; inside :
+    (2,) whether the stated 95 % hold each; posed_mm : mean distance, frame by frame, in the transmitter's
+    frame; slope : of the fitted flexion over the true one; believed : whether the report believes it.
     """
 
     drawing: str
     joint: str
     off_mm: Array
-    sd_mm: float
+    inside: tuple[bool | None, ...]
     posed_mm: float
     slope: float
     believed: bool = True
@@ -77,7 +78,7 @@ class JointErrors:
 
     @property
     def worse_mm(self) -> float:
-        """Distance of the worse half, which the stated sd is about."""
+        """Distance of the worse half."""
         return float(np.linalg.norm(self.off_mm, axis=1).max())
 
 
@@ -142,24 +143,23 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
     """Hold the joints of a fit against the truth."""
     step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
     rows = np.arange(0, len(drawn.poses.frame), step)
-    posed, convention = pose_hand(fit, drawn.poses.take(rows)), fit.evidence.convention
+    posed = pose_hand(fit, drawn.poses.take(rows))
     wanted_mm = read_layout(LAYOUT).wanted_mm
     judged = {row["joint"]: judged_joint(row, wanted_mm) for row in joint_rows(fit)}
     believed = {name for name, row_of in judged.items() if row_of["verdict"] == BELIEVE}
     for name, joint in fit.joints.items():
         if name not in drawn.truth:
             continue
-        true_mm, sides = drawn.truth[name], (joint.parent_segment, joint.child_segment)
-        halves = zip(sides, (joint.parent_mm, joint.child_mm), true_mm, strict=True)
-        off_mm = [convention.point_matrix(side).T @ (fitted - true) for side, fitted, true in halves]
-        at = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
+        off_mm = np.array([joint.parent_mm, joint.child_mm]) - drawn.truth[name]
+        stated = halves_mm2(joint.covariance_mm2, joint.sd_mm)
+        posed_mm = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
         flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, KINDS[0]))])
         yield JointErrors(
             drawing,
             name,
-            np.array(off_mm),
-            joint.sd_mm,
-            float(np.nanmean(np.linalg.norm(at - drawn.centre_mm[name][rows], axis=1))),
+            off_mm,
+            tuple(map(is_within_95, off_mm, stated)),
+            float(np.nanmean(np.linalg.norm(posed_mm - drawn.centre_mm[name][rows], axis=1))),
             float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0]),
             name in believed,
         )
@@ -176,7 +176,7 @@ def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[Length]:
 
 
 def _inside(joints: Sequence[JointErrors]) -> float:
-    return 100 * float(np.mean([joint.worse_mm <= RADIUS_SD * joint.sd_mm for joint in joints]))
+    return 100 * float(np.mean([inside for joint in joints for inside in joint.inside]))
 
 
 def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
@@ -215,10 +215,11 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> Pr
         "DIP flexion %:+.1f", "believed %:.0f", "worst mm:.1f", "in 95 %:.1f",
     )  # fmt: skip
     meaning = (
-        "Centres where they were on average, in the child's receiver as it rode; in 95 %: the worse half "
-        "within the stated radius. Posed: the posed hand's centres in the transmitter's frame, mean over "
-        "frames, where the field is off as well. Own: this project's simulator; other: a drawing that "
-        "shares nothing with it. Believed: what the report believes, and the worst of its worse halves."
+        "Centres where they were on average, in the child's receiver as it rode; in 95 %: centres in "
+        "the parent's and in the child's receiver, held against their covariance. Posed: the posed hand's "
+        "centres in the transmitter's frame, mean over frames, where the field is off as well. Own: this "
+        "project's simulator; other: a drawing that shares nothing with it. Believed: what the report "
+        "believes, and the worst of its worse halves."
     )
     return PrintedTable("two drawings: errors", columns, rows, meaning)
 

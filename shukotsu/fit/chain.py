@@ -1,4 +1,7 @@
-"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver."""
+"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver.
+
+On paper: docs/whole-hand.md, section 2.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Unknowns (x) are in units of their prior's standard deviation, zero at its mean. States (y) are the joint
 angles of a frame, rad: zero when the digit is straight and lies flat in the hand.
+
+On paper: docs/whole-hand.md, sections 1 to 3.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ How large residuals, misplacements and skin motion are in this hand are scales o
 each makes the unknowns of its group as large as its prior says, as far as the data determine them (the fixed
 point of the evidence; MacKay 1992). It is held to the literature's by very little: skin that does not move,
 or a tracker without noise, must not be believed to be there because it usually is.
+
+On paper: docs/whole-hand.md, sections 5 and 7.
 """
 
 from __future__ import annotations
@@ -241,7 +243,7 @@ def fit_hand(
         solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
     evidence = Evidence(
-        layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
+        layout, model, convention, problem, posterior, posterior, share, solution.point.y, solution.converged
     )
     return HandFit(evidence, summarise(evidence), _residual_rms(problem, solution, model))
 

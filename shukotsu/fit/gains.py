@@ -3,6 +3,8 @@
 The posterior's covariance after a linear observation does not depend on what is observed, only on how well:
 P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
 fingertip, is tried on the covariance alone, all at once.
+
+On paper: docs/whole-hand.md, section 10.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Use measurements on the hand itself: bones with a calliper, receivers against the joints."""
+"""Use measurements on the hand itself: bones with a calliper, receivers against the joints.
+
+On paper: docs/whole-hand.md, section 5.
+"""
 
 from __future__ import annotations
 

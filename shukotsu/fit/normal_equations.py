@@ -5,6 +5,8 @@ root pose. A frame's states enter only the receivers of their own branch, so tha
 eliminated first, then the root, then what is left is one dense system in x (Schur complement).
 
 What it is made of; what runs is compiled (`compiled_equations`).
+
+On paper: docs/whole-hand.md, sections 4 to 6.
 """
 
 from __future__ import annotations

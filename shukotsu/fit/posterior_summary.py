@@ -1,4 +1,7 @@
-"""Summarise a fitted hand: joint centres, axes, bones and the wrist, each with its uncertainty."""
+"""Summarise a fitted hand: joint centres, axes, bones and the wrist, each with its uncertainty.
+
+On paper: docs/whole-hand.md, section 8.
+"""
 
 from __future__ import annotations
 
