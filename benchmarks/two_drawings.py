@@ -19,7 +19,7 @@ from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.simulation import LAYOUT, simulate
+from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
 from shukotsu.study.layout import read_layout
 from shukotsu.study.verdict import BELIEVE, RADIUS_SD, judged_joint
 from shukotsu.tables.poses import Poses
@@ -110,11 +110,15 @@ def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
 
 
 def _simulator_drawing(seed: int, hand: str) -> Drawn:
-    simulated = simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S))
+    return simulated_hand(simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S)))
+
+
+def simulated_hand(simulated: Simulated) -> Drawn:
+    """Return what is true of a recording of this project's simulator."""
     truth = simulated.truth
     return Drawn(
         simulated.poses(),
-        hand,
+        simulated.hand,
         {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in truth.joints.items()},
         {name: truth.bone_position_mm[:, JOINTS.index(name) + 1] for name in truth.joints},
         {name: np.degrees(truth.angles_rad[:, JOINTS.index(name), FLEXION]) for name in truth.joints},
