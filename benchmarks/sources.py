@@ -137,13 +137,13 @@ def _follow(
 BLEND_MM = (4.5, 8.0)
 """Least and largest way from a joint over which the mesh's weights fall by e: a receiver slides 0.5 to 2 mm."""
 
-HOUSING_MM = (2.0, 3.0)
+HOUSING_MM = (2.0, 4.0)
 """By how much the tracked point is higher over the skin than that of the simulator's receivers: 4 to 6 mm."""
 
-RIDGE_MM = {"thumb": 1.0, "index": 1.5, "middle": 0.5, "ring": -0.5, "little": -1.5}
+RIDGE_MM = {"thumb": 2.0, "index": 2.5, "middle": 1.0, "ring": -1.5, "little": -2.5}
 """How far radially of the line of joints the mesh has the middle of its digits' backs, alike in all hands."""
 
-ROUND_DEG = 5.0
+ROUND_DEG = 7.0
 """Sd of where on the round back of its digit a receiver is put."""
 
 HALF_BASE_MM = 3.0
