@@ -161,10 +161,9 @@ class _DigitChain:
     def steps(self) -> list[Step]:
         """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
         builder, name = self.builder, self.digit.name
+        base_sd_mm = prior.THUMB_BASE_SD_MM if name == "thumb" else prior.BASE_SD_MM
         steps: list[Step] = [
-            along(
-                axis, builder.place(builder.scale.times(at_mm), prior.BASE_SD_MM, "base", f"{name} {letter}")
-            )
+            along(axis, builder.place(builder.scale.times(at_mm), base_sd_mm, "base", f"{name} {letter}"))
             for axis, at_mm, letter in zip(np.eye(3), self.anatomy.base_mm, "xyz", strict=True)
         ]
         roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD
@@ -238,7 +237,11 @@ class _DigitChain:
         position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
-            Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
+            Drive(
+                self.flexions[joint],
+                prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0,
+                1.0 if segment != self.digit.segments[k] else -1.0,
+            )
             for joint, segment in ends
             if joint in self.flexions and segment in self.builder.seen
         ]
