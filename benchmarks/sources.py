@@ -11,8 +11,16 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
-from benchmarks.two_drawings import DURATION_S, JOINT_TYPES, JointErrors, joint_errors, simulated_hand
+from benchmarks.benchmark_table import Cell, PrintedTable, add_people, of_each_person
+from benchmarks.two_drawings import (
+    COVERED_95_SD,
+    DURATION_S,
+    JOINT_TYPES,
+    Drawn,
+    JointErrors,
+    joint_errors,
+    simulated_hand,
+)
 from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.hand import average_hand, rotations
 from shukotsu.hand import drawn_hands as drawn
@@ -20,7 +28,7 @@ from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses
 from shukotsu.simulate.mounts import Mounts, Skin, lag_signal, wander
-from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, RandomHand
+from shukotsu.simulate.random_hand import BONES, FLEXION, RandomHand
 from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.simulation import LAYOUT, simulate
 from shukotsu.simulate.task_motion import TaskMotion
@@ -28,7 +36,9 @@ from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "accuracy.md", "sources"
 FIRST_SEED = 7100
-CHI_SQUARE_95, NORMAL_95 = 7.815, 1.96
+CHI_SQUARE_95 = 7.815
+"""95 % of squared Mahalanobis distances in three dimensions (chi-squared)."""
+
 SHIPPED = "none: as shipped"
 
 # --- the prior without a source
@@ -83,12 +93,9 @@ def _in_line(name: str) -> DigitAnatomy:
     at = list(drawn.ROLL_DEG).index(name)
     across = knuckles[max(0, at - 1)] - knuckles[min(len(row) - 1, at + 1)]
     along = np.tile(row[at].directions[0], (4, 1))
-    turns = rotations.from_matrix(DIGITS[name].frames())  # hinges stand to each other as they do in CT
-    turns = rotations.multiply(rotations.conjugate(turns[:1]), turns)
     axis = rotations.unit(across - (across @ along[0]) * along[0])
     frame = rotations.from_matrix(np.stack([along[0], axis, np.cross(along[0], axis)], -1))
-    between = [DIGITS[name].frames()[0].T @ v for v in DIGITS[name].flexion_axes]
-    axes = np.array([rotations.rotate(frame, v) for v in between])
+    axes = rotations.rotate(frame, DIGITS[name].flexion_axes @ DIGITS[name].frames()[1])  # hinges as in CT
     axes[:2] = axis
     return replace(DIGITS[name], base_mm=row[at].base_mm, directions=along, flexion_axes=rotations.unit(axes))
 
@@ -96,7 +103,11 @@ def _in_line(name: str) -> DigitAnatomy:
 def _rigged(name: str, digit: drawn.DrawnDigit) -> drawn.DrawnDigit:
     """A digit as who rigs a mesh draws it: palm broad and begun far back, plain hinges, fingers in line."""
     if name == "thumb":
-        return replace(digit, base_mm=digit.base_mm + [-4.0, 2.0, 3.0], lengths_mm=digit.lengths_mm * [1.1, 1.0, 0.95])
+        return replace(
+            digit,
+            base_mm=digit.base_mm + np.array([-4.0, 2.0, 3.0]),
+            lengths_mm=digit.lengths_mm * [1.1, 1.0, 0.95],
+        )
     wider, back_mm = np.array([1.0, 1.2, 1.0]), np.array([-6.0, 0.0, 0.0])
     base = digit.base_mm * wider + back_mm
     metacarpal = digit.base_mm * wider + digit.lengths_mm[0] * digit.directions[0] * wider - base
@@ -104,14 +115,16 @@ def _rigged(name: str, digit: drawn.DrawnDigit) -> drawn.DrawnDigit:
     across = rotations.unit(across - (across @ along) * along + [0.0, 0.3, 0.0])
     lengths = np.array([np.linalg.norm(metacarpal), *(digit.lengths_mm[1:] * [1.03, 0.95, 1.05])])
     directions = np.array([rotations.unit(metacarpal), *[along] * 3])
-    return replace(digit, base_mm=base, directions=directions, lengths_mm=lengths, flexion_axes=np.tile(across, (4, 1)))
+    return replace(
+        digit, base_mm=base, directions=directions, lengths_mm=lengths, flexion_axes=np.tile(across, (4, 1))
+    )
 
 
 RIGGED: drawn.DrawnHand = {name: _rigged(name, digit) for name, digit in drawn.CT.items()}
 
 # --- other skins
 
-PERSON, MESH = "sources", "mesh"
+PERSON, MESH, SIMULATION = "sources", "mesh", "shukotsu.simulate.simulation"
 LATE_S = 0.4
 
 
@@ -123,11 +136,13 @@ def _follow(
     slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose
     tilt = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.TILT_SD * loose
     drive = angles_rad[..., FLEXION]
-    if law == "one joint":
+    if law == MESH:  # which has moved them already (`ride_on_mesh`)
+        slide, tilt = np.zeros_like(slide), np.zeros_like(tilt)
+    elif law == "one joint":
         slide[:, 1], tilt[:, 1] = 0.0, 0.0
     elif law == "lagging":
         drive = drive[:1] + lag_signal(drive - drive[:1], LATE_S)
-    off = wander(of_recording, len(drive), len(skin.bone)) * skin.looseness[:, None]
+    off = wander(of_recording, len(drive), len(skin.bone)) * (law != MESH) * skin.looseness[:, None]
     return (
         np.einsum("tsa,sax->tsx", drive[:, skin.joint], slide) + drawn.WANDER_MM * off[0],
         np.einsum("tsa,sax->tsx", drive[:, skin.joint], tilt) + np.radians(drawn.WANDER_DEG) * off[1],
@@ -135,7 +150,7 @@ def _follow(
 
 
 BLEND_MM = (4.5, 8.0)
-"""Least and largest way from a joint over which the mesh's weights fall by e: a receiver slides 0.5 to 2 mm."""
+"""Least and largest way from a joint over which weights of the mesh fall by e, so that receivers slide."""
 
 HOUSING_MM = (2.0, 4.0)
 """By how much the tracked point is higher over the skin than that of the simulator's receivers: 4 to 6 mm."""
@@ -154,9 +169,9 @@ def ride_on_mesh(
     hand: RandomHand,
     mounts: Mounts,
     motion: TaskMotion,
-    relaxed_rad: Array,
+    _: Array,
     bones: tuple[Array, Array],
-    skin: Skin,
+    *__: Skin,
 ) -> tuple[Array, Array]:
     """Poses (T, S, 3), (T, S, 4) of receivers on tubes round the digits, moved by linear-blend weights.
 
@@ -165,7 +180,11 @@ def ride_on_mesh(
     """
     rng = generator(seed, "mesh", hand.side)
     blend_mm, higher_mm = rng.uniform(*BLEND_MM), rng.uniform(*HOUSING_MM)
-    rest = bone_poses(hand, np.zeros((1, *motion.angles_rad.shape[1:])), *(part[:1] for part in (motion.wrist_mm, motion.forearm)))
+    rest = bone_poses(
+        hand,
+        np.zeros((1, *motion.angles_rad.shape[1:])),
+        *(part[:1] for part in (motion.wrist_mm, motion.forearm)),
+    )
     position, quaternion = mounts.poses(*bones)
     side = -1.0 if hand.side == "left" else 1.0
     for s, (segment, bone) in enumerate(zip(mounts.segments, mounts.bone, strict=True)):
@@ -175,9 +194,13 @@ def ride_on_mesh(
         place = mounts.position_mm[s] + [0.0, side * RIDGE_MM[digit], 0.0]
         aside = rotations.about_axis(np.array([1.0, 0.0, 0.0]), np.radians(ROUND_DEG) * rng.standard_normal())
         turn = rotations.multiply(aside, mounts.quaternion[s])
-        base = rotations.rotate(turn, HALF_BASE_MM * np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0.0]]))
+        base = rotations.rotate(
+            turn, HALF_BASE_MM * np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0.0]])
+        )
         vertices = rotations.rotate(aside, place) + base
-        middle, ahead, behind, left, right = _blended(hand, bone, vertices, rest, bones, blend_mm).swapaxes(0, 1)
+        middle, ahead, behind, left, right = _blended(hand, bone, vertices, rest, bones, blend_mm).swapaxes(
+            0, 1
+        )
         x = rotations.unit(ahead - behind)
         y = left - right
         y = rotations.unit(y - (y * x).sum(-1, keepdims=True) * x)
@@ -204,7 +227,7 @@ def _blended(
     shares = {before: 0.5 * np.exp(-np.maximum(x, 0.0) / blend_mm)}
     if at + 1 < len(chain):
         shares[chain[at + 1]] = 0.5 * np.exp(-np.maximum(hand.length_mm[bone] - x, 0.0) / blend_mm)
-    shares[bone] = 1.0 - sum(shares.values())
+    shares[bone] = 1.0 - np.sum(list(shares.values()), axis=0)
     world = rest[0][0, bone] + rotations.rotate(rest[1][0, bone], vertices)
     carried = np.zeros((len(bones[0]), *vertices.shape))
     for other, share in shares.items():
@@ -214,47 +237,165 @@ def _blended(
     return carried
 
 
-SKINS = ("saturating", "mesh", "one joint", "two joints", "lagging", "no skin motion")
+SATURATING, STILL = "saturating", "no skin motion"
+SKINS = (SATURATING, MESH, "one joint", "two joints", "lagging", STILL)
 
 
 @dataclass(frozen=True)
 class LengthError:
+    """How far off a bone's length is, and its stated sd."""
+
     bone: str
     off_mm: float
     sd_mm: float
 
+    @property
+    def inside(self) -> bool:
+        """Whether the stated 95 % hold the true length."""
+        return abs(self.off_mm) <= COVERED_95_SD * self.sd_mm
+
 
 @dataclass(frozen=True)
 class Fitted:
-    """A hand of a source in a skin: errors of its joints, their squared sizes over the covariance; lengths."""
+    """A hand of a source in a skin: joints, each with whether its 95 % hold both halves; lengths."""
 
     source: str
     skin: str
-    joints: tuple[JointErrors, ...]
-    squares: tuple[float, ...]
+    joints: tuple[tuple[JointErrors, bool], ...]
     lengths: tuple[LengthError, ...]
 
 
-def draw(source: str, skin: str, seed: int, hand: str):
+def add_options(parser: argparse.ArgumentParser) -> None:
+    add_people(parser, 10, FIRST_SEED)
+
+
+def run(n_hands: int = 10, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
+    """Return the tables over that many hands of every source."""
+    hands = of_each_person(partial(one_hand, seed), n_hands * len(LEFT_OUT), seed)
+    left_out = [hand for hand in hands if hand.source not in (RIG, SHIPPED)]
+    sources = {name: [hand for hand in hands if hand.source == name] for name in LEFT_OUT}
+    yield _table(
+        "prior without a source: by source", "source", {"all that are left out": left_out, **sources}
+    )
+    skins = {skin: [hand for hand in left_out if hand.skin == skin] for skin in SKINS}
+    yield _table("prior without a source: by skin", "skin", skins)
+    yield _parts_table(left_out)
+
+
+def one_hand(first_seed: int, seed: int) -> Fitted:
+    """Draw, record and fit a hand; sources and skins in turn, so that all of them meet."""
+    turn, at = divmod(seed - first_seed, len(LEFT_OUT))
+    source = LEFT_OUT[at]
+    skin = MESH if source == RIG else SKINS[(turn + at) % len(SKINS)]
+    person = draw(source, skin, seed, ("right", "left")[seed % 2])
+    fit = fit_without(source, person)
+    lengths = tuple(
+        LengthError(name, bone.length_mm - person.lengths_mm[name], bone.sd_mm)
+        for name, bone in fit.bones.items()
+        if not name.endswith("_distal")
+    )
+    errors = joint_errors(source, person, fit)
+    return Fitted(source, skin, tuple((error, _is_inside(error, fit)) for error in errors), lengths)
+
+
+def _is_inside(error: JointErrors, fit: HandFit) -> bool:
+    """Whether both halves of a centre lie within the 95 % of their covariances."""
+    joint = fit.joints[error.joint]
+    squares = []
+    for half, segment in enumerate((joint.parent_segment, joint.child_segment)):
+        rows, turn = slice(3 * half, 3 * half + 3), fit.evidence.convention.point_matrix(segment)
+        covariance_mm2 = turn.T @ joint.covariance_mm2[rows, rows] @ turn
+        squares.append(float(error.off_mm[half] @ np.linalg.solve(covariance_mm2, error.off_mm[half])))
+    return max(squares) <= CHI_SQUARE_95
+
+
+def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
+    """Record a person drawn round a source, or a blend of all where it is no whole hand, in a skin."""
     anatomy = source if source in (*drawn.SOURCES, RIG) else drawn.BLEND
-    realism = Realism(anatomy=anatomy, artefact=0.0 if skin == SKINS[-1] else 1.0)
+    realism = Realism(anatomy=anatomy, artefact=0.0 if skin == STILL else 1.0)
     with ExitStack() as stack:
         if source == RIG:
             stack.enter_context(mock.patch.dict(drawn.SOURCES, {RIG: RIGGED}))
-        patch = partial(mock.patch, "shukotsu.simulate.simulation.saturating")
         if skin == MESH:
-            stack.enter_context(mock.patch("shukotsu.simulate.simulation.on_skin", partial(ride_on_mesh, seed)))
-            stack.enter_context(patch(lambda angles, skin, *_: (np.zeros((len(angles), len(skin.bone), 3)),) * 2))
-        elif skin not in ("saturating", SKINS[-1]):
-            stack.enter_context(patch(partial(_follow, skin)))
+            stack.enter_context(mock.patch(f"{SIMULATION}.on_skin", partial(ride_on_mesh, seed)))
+        if skin not in (SATURATING, STILL):
+            stack.enter_context(mock.patch(f"{SIMULATION}.saturating", partial(_follow, skin)))
         return simulated_hand(simulate(PERSON, hand, "rom", seed, realism, round(240 * DURATION_S)))
 
 
-def fit_without(source: str, drawn_hand) -> HandFit:
+def fit_without(source: str, person: Drawn) -> HandFit:
+    """Fit a hand with the prior that is made without a source."""
     digits = prior_without(source)
     with ExitStack() as stack:
         stack.enter_context(mock.patch("shukotsu.fit.fit.DIGITS", digits))
         stack.enter_context(mock.patch.object(average_hand, "DIGITS", digits))
         for name, value in CONSTANTS_WITHOUT.get(source, {}).items():
             stack.enter_context(mock.patch.object(average_hand, name, value))
-        return fit_hand([drawn_hand.poses], read_layout(LAYOUT), drawn_hand.hand)
+        return fit_hand([person.poses], read_layout(LAYOUT), person.hand)
+
+
+def _percent(inside: Sequence[bool]) -> float | None:
+    return 100 * float(np.mean(inside)) if inside else None
+
+
+def _table(title: str, what: str, groups: Mapping[str, Sequence[Fitted]]) -> PrintedTable:
+    """Return errors and coverage of groups of hands."""
+    rows: list[tuple[Cell, ...]] = []
+    for name, hands in groups.items():
+        joints = [joint for hand in hands for joint in hand.joints]
+        if not joints:
+            continue
+        worse_mm = np.array([error.worse_mm for error, _ in joints])
+        child_mm = [error.child_mm for error, _ in joints]
+        stated_mm = np.array([error.sd_mm for error, _ in joints])
+        rows.append(
+            (
+                name,
+                len(hands),
+                float(np.median(child_mm)),
+                float(np.percentile(child_mm, 90)),
+                _percent([inside for _, inside in joints]),
+                _percent([length.inside for hand in hands for length in hand.lengths]),
+                float(np.sqrt((worse_mm**2).mean() / (stated_mm**2).mean())),
+                float(stated_mm.mean()),
+            )
+        )
+    columns = (
+        what, "hands:d", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f", "lengths in 95 %:.1f", "rms / sd:.2f",
+        "mean sd mm:.2f",
+    )  # fmt: skip
+    meaning = (
+        "People drawn round a source that the prior is made without; a rig: a skeleton as who rigs a mesh "
+        "draws it, and the prior as it ships. Centres in the child's receiver as it rode. In 95 %: both halves, "
+        "by the covariance that is stated. Rms / sd: of the worse half over its stated sd, root mean squares."
+    )
+    return PrintedTable(title, columns, rows, meaning)
+
+
+def _parts_table(hands: Sequence[Fitted]) -> PrintedTable:
+    """Return coverage by kind of joint, and of lengths by digit and by bone."""
+    joints = [joint for hand in hands for joint in hand.joints]
+    lengths = [length for hand in hands for length in hand.lengths]
+    rows: list[tuple[Cell, ...]] = []
+    for kind, names in JOINT_TYPES.items():
+        alike = [(error, inside) for error, inside in joints if error.joint in names]
+        mm = [error.child_mm for error, _ in alike]
+        inside = _percent([inside for _, inside in alike])
+        rows.append((kind, float(np.median(mm)), float(np.percentile(mm, 90)), inside))
+    parts = [(0, digit) for digit in drawn.LENGTH_SD_MM]
+    parts += [(1, kind) for kind in average_hand.BONE_KINDS[:-1]]
+    for place, part in parts:
+        of_part = [length for length in lengths if length.bone.split("_")[place] == part]
+        mm = [abs(length.off_mm) for length in of_part]
+        inside = _percent([length.inside for length in of_part])
+        rows.append(
+            (
+                f"lengths: {part} {('digit', 'bones')[place]}",
+                float(np.median(mm)),
+                float(np.percentile(mm, 90)),
+                inside,
+            )
+        )
+    columns = ("joints or lengths", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
+    title = "prior without a source: by kind of joint, and lengths by digit and by bone"
+    return PrintedTable(title, columns, rows, "Of all sources that are left out.")

@@ -237,11 +237,7 @@ class _DigitChain:
         position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
-            Drive(
-                self.flexions[joint],
-                prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0,
-                1.0 if segment != self.digit.segments[k] else -1.0,
-            )
+            Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
             for joint, segment in ends
             if joint in self.flexions and segment in self.builder.seen
         ]

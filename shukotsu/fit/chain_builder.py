@@ -106,14 +106,10 @@ class FirstGuess:
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint angle (state) that moves skin, counted from where skin is relaxed, rad.
-
-    towards : 1 or -1, where skin is drawn along the bone, distally or proximally, as the joint flexes.
-    """
+    """A joint angle (state) that moves skin, counted from where skin is relaxed, rad."""
 
     state: int
     relaxed_rad: float = 0.0
-    towards: float = 0.0
 
     def terms(self, per_rad: float, unknown: int | None = None) -> tuple[Term, Term]:
         """Return the terms of skin that moves with the angle, that much per rad, times an unknown."""
@@ -200,12 +196,6 @@ class Builder:
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
-            if i == 0 and any(drive.towards for drive in drives):
-                ((_, more),) = self.shared(1.0, "drawn", "skin").parts  # than usual has this hand
-                for drive in drives:
-                    towards = drive.towards * prior.looseness(segment)
-                    skin += drive.terms(prior.DRAWN_MM * towards)
-                    skin += drive.terms(prior.DRAWN_SD_MM * towards, more)
             steps.append(along(axis, placed[i], skin))
             if i == 0 and habit is not None:
                 sd = prior.FACING_SD_RAD if faces_anyhow else prior.ROUND_SD_RAD

@@ -47,8 +47,10 @@ the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.
 It is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well
 as it knows the bones; and none turns about its own bone at zero."""
 
-PUT_ON = ("mount", "mount across", "facing", "mount turn")
-PUT_ON += ("mount habit", "mount across habit", "mount turn habit")
+PUT_ON = (
+    *("mount", "mount across", "mount turn", "facing"),
+    *("mount habit", "mount across habit", "mount turn habit"),
+)
 """Groups of unknowns that are others when the receivers are put on anew."""
 
 _NEW_SHARE = 0.5
@@ -236,7 +238,8 @@ def _errors(postures: Postures, frames: Frames) -> PosedErrors:
     neutral_deg = _neutral_sd_deg(postures.tips)
     joint_of = {joint.child: joint.name for joint in postures.tips.fit.evidence.layout.joints.values()}
     more_mm2 = [
-        3.0 * unmodelled_mm2(joint_of.get(name, ""), postures.tips.fit.evidence) for name in postures.posed.bones
+        3.0 * unmodelled_mm2(joint_of.get(name, ""), postures.tips.fit.evidence)
+        for name in postures.posed.bones
     ]
     return PosedErrors(
         np.sqrt(_norm(spread.shift_mm) ** 2 + more_mm2),
