@@ -366,7 +366,7 @@ def _table(title: str, what: str, groups: Mapping[str, Sequence[Fitted]]) -> Pri
     )  # fmt: skip
     meaning = (
         "People drawn round a source that the prior is made without; a rig: a skeleton as who rigs a mesh "
-        "draws it, and the prior as it ships. Centres in the child's receiver as it rode. In 95 %: both halves, "
+        "draws it, and the prior as it ships. Centres in the child's receiver. In 95 %: both halves, "
         "by the covariance that is stated. Rms / sd: of the worse half over its stated sd, root mean squares."
     )
     return PrintedTable(title, columns, rows, meaning)

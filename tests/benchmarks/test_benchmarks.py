@@ -46,7 +46,7 @@ def test_a_hand_is_held_against_its_truth(drawing: str, monkeypatch: pytest.Monk
 def test_a_prior_without_a_source_has_nothing_of_its_lengths(
     source: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever that source says, the prior that is made without it has the same lengths; one with it has not."""
+    """Whatever that source says, the prior made without it has the same lengths; one with it has not."""
     other = next(name for name in drawn_hands.SOURCES if name != source)
     before = [sources.prior_without(name)["index"].lengths_mm for name in (source, other)]
     index = drawn_hands.SOURCES[source]["index"]
