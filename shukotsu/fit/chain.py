@@ -164,10 +164,9 @@ class _DigitChain:
     def steps(self) -> list[Step]:
         """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
         builder, name = self.builder, self.digit.name
+        base_sd_mm = prior.THUMB_BASE_SD_MM if name == "thumb" else prior.BASE_SD_MM
         steps: list[Step] = [
-            along(
-                axis, builder.place(builder.scale.times(at_mm), prior.BASE_SD_MM, "base", f"{name} {letter}")
-            )
+            along(axis, builder.place(builder.scale.times(at_mm), base_sd_mm, "base", f"{name} {letter}"))
             for axis, at_mm, letter in zip(np.eye(3), self.anatomy.base_mm, "xyz", strict=True)
         ]
         roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD

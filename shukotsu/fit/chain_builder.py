@@ -189,16 +189,19 @@ class Builder:
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
         placed = [
-            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i)
+            self._put_on(at, prior.MOUNT_SD_MM[i], "mount across" if i else "mount", segment, habit, i)
             for i, at in enumerate(position)
         ]
+        if habit is not None:
+            placed[2] = placed[2].plus(self.shared(prior.COVER_SD_MM, "cover", "receivers"))
         self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
-            if i == 0 and faces_anyhow:
-                steps.append(about(axis, self.free(0.0, prior.FACING_SD_RAD, "facing", segment)))
+            if i == 0 and habit is not None:
+                sd = prior.FACING_SD_RAD if faces_anyhow else prior.ROUND_SD_RAD
+                steps.append(about(axis, self.free(0.0, sd, "facing", segment)))
         steps += lag
         for i, axis in enumerate(np.eye(3)):
             slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0

@@ -25,7 +25,7 @@ from shukotsu.fit.fingertips import Fingertips, square_root
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.fit.normal_equations import Frames, Point
 from shukotsu.fit.operations import Branch, Index, cross
-from shukotsu.fit.posterior_summary import unshown_mm2
+from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.fit.touches import SKIN_SD_MM
 from shukotsu.hand import average_hand as prior
@@ -49,7 +49,10 @@ the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.
 It is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well
 as it knows the bones; and none turns about its own bone at zero."""
 
-PUT_ON = ("mount", "mount turn", "mount habit", "mount turn habit")
+PUT_ON = (
+    *("mount", "mount across", "mount turn", "facing"),
+    *("mount habit", "mount across habit", "mount turn habit"),
+)
 """Groups of unknowns that are others when the receivers are put on anew."""
 
 _NEW_SHARE = 0.5
@@ -235,8 +238,13 @@ def _errors(postures: Postures, frames: Frames) -> PosedErrors:
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
     neutral_deg = _neutral_sd_deg(postures.tips)
+    joint_of = {joint.child: joint.name for joint in postures.tips.fit.evidence.layout.joints.values()}
+    more_mm2 = [
+        3.0 * unmodelled_mm2(joint_of.get(name, ""), postures.tips.fit.evidence)
+        for name in postures.posed.bones
+    ]
     return PosedErrors(
-        _norm(spread.shift_mm),
+        np.sqrt(_norm(spread.shift_mm) ** 2 + more_mm2),
         np.degrees(_norm(spread.turn_rad)),
         {
             joint: np.sqrt(_norms(maps) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)

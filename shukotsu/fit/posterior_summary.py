@@ -129,11 +129,30 @@ def summarise(evidence: Evidence) -> HandSummary:
         still = np.zeros((3, len(evidence.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
         fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, evidence)
-    bones = {
-        segment: FittedBone(*evidence.posterior.of_amount(length))
-        for segment, length in evidence.model.length.items()
-    }
+    bones = {}
+    for segment, length in evidence.model.length.items():
+        mm, sd_mm = evidence.posterior.of_amount(length)
+        bones[segment] = FittedBone(mm, float(np.hypot(sd_mm, unmodelled_length_mm(segment, evidence))))
     return HandSummary(joints, lone, palm, fixed, bones, angle_axes(evidence, places))
+
+
+def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
+    """Variance per direction, mm^2, of a joint's centre beside all that is fitted; 0 without anatomy."""
+    for digit in known_digits(evidence.layout):
+        if joint in digit.joints:
+            if evidence.layout.joints[joint].dof == 1 and joint != digit.joints[0]:
+                return prior.UNMODELLED_MM["hinge"] ** 2
+            compound = joint == digit.joints[0] or digit.name in prior.COMPOUND_DIGITS
+            return prior.UNMODELLED_MM["compound" if compound else "mcp"] ** 2
+    return 0.0
+
+
+def unmodelled_length_mm(segment: str, evidence: Evidence) -> float:
+    """Sd, mm, of a bone's length beside all that is fitted."""
+    digit = next(digit for digit in known_digits(evidence.layout) if segment in digit.segments)
+    if segment != digit.segments[0]:
+        return prior.UNMODELLED_LENGTH_MM["phalanx"]
+    return prior.UNMODELLED_LENGTH_MM["thumb_metacarpal" if digit.name == "thumb" else "metacarpal"]
 
 
 def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
@@ -172,6 +191,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         if segment in model.receivers:
             own_mm = convention.point_matrix(segment) @ points[segment]
             covariance[half, half] += unshown_mm2(segment, own_mm, evidence)
+    covariance += np.kron(np.eye(2), unmodelled_mm2(joint.name, evidence) * np.eye(3))
     axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
     flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
     range_deg = angle_range(np.degrees(flexion), flattening(flexion))

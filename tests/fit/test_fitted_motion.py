@@ -24,7 +24,7 @@ def hands() -> dict[str, tuple[HandFit, Simulated]]:
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Simulated]], side: str) -> None:
-    """A task not fitted: metacarpals within 3 deg and joint centres within some mm of the truth; tips
+    """A task not fitted: metacarpals within 6 deg and joint centres within some mm of the truth; tips
     predicted without the distal receivers' positions within 1 mm of them.
     """
     fit = hands[side][0]
@@ -43,7 +43,7 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
             true = rotate(drawn.truth.bone_quaternion[every, BONES.index(bone)], DISTAL)
             direction = rotate(posed.bone_quaternion[:, index], DISTAL)
             angles.append(np.degrees(np.arccos(np.clip((true * direction).sum(-1), -1, 1))).mean())
-    assert np.mean(angles) < 5.0
+    assert np.mean(angles) < 6.0
     tips = [name for name in posed.receivers if name.endswith("_distal")]
     blind = pose_hand(fit, poses, tips)
     for name in tips:
