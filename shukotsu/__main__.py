@@ -14,8 +14,6 @@ def main(argv: list[str] | None = None) -> int:
 
     from shukotsu import command_line
     from shukotsu.commands import COMMANDS, build_parser
-    from shukotsu.errors import InputError
-    from shukotsu.left import instead
 
     arguments = sys.argv[1:] if argv is None else argv
 
@@ -23,8 +21,6 @@ def main(argv: list[str] | None = None) -> int:
         if not arguments:
             build_parser().print_help()
             return command_line.EXIT_BAD_INPUT
-        if why := instead("command", arguments[0]):
-            raise InputError(why)
         module = importlib.import_module(COMMANDS[build_parser().parse_args(arguments[:1]).command].module)
         return int(module.main(arguments[1:]))
 

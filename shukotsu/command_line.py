@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TextIO
 
 from shukotsu.errors import INTERNAL, InputError, TableError, on_one_line
-from shukotsu.left import instead
 from shukotsu.tables.limits import FILE_NAME_BYTES
 
 EXIT_BAD_INPUT = 2
@@ -97,9 +96,7 @@ def run(
 
     def command() -> int | None:
         status = None
-        built = build_parser()
-        _refuse_what_left(built.prog, sys.argv[1:] if argv is None else argv)
-        arguments = built.parse_args(argv)
+        arguments = build_parser().parse_args(argv)
         record = record_failure or record_bug
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
@@ -176,14 +173,6 @@ def _nowhere() -> TextIO:
     at what is left in it once more when it ends.
     """
     return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
-
-
-def _refuse_what_left(program: str, argv: Sequence[str]) -> None:
-    """Raise InputError for an option that a command had once."""
-    command = program.removeprefix("shukotsu ")
-    for word in argv:
-        if word.startswith("--") and (why := instead("option", f"{command} {word.partition('=')[0]}")):
-            raise InputError(why)
 
 
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:

@@ -79,5 +79,10 @@ def list_names(names: Sequence[str], most: int = 8) -> str:
 
 def guess(word: str, words: Sequence[str]) -> str:
     """Suggest a word for one that there is not: the nearest there is, or else all of them."""
+    return nearest(word, words, "") or f"expected one of {', '.join(words)}"
+
+
+def nearest(word: str, words: Sequence[str], before: str = "; ") -> str:
+    """Ask whether the nearest of some words was meant; empty where none is near."""
     close = difflib.get_close_matches(word, words, 1)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(words)}"
+    return f"{before}did you mean {close[0]!r}?" if close else ""

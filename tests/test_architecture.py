@@ -18,7 +18,7 @@ ROOMS = (
     *("readers", "simulate", "tracker", "hand", "study", "command_line", "tables"),
 )
 """The rooms, each of which imports only itself and those after it; `command_line` is one module."""
-GROUND = ("errors", "job", "left", "resources", "translation")
+GROUND = ("errors", "job", "resources", "translation")
 """Modules below all rooms, which import nothing but each other."""
 OF_WINDOWS = re.compile(r'(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?|.*[<>:"|?*\\].*|.*[. ]')
 """Names that no file can have on Windows."""
@@ -102,9 +102,6 @@ def test_stages_are_scripts_that_nothing_imports() -> None:
     scripts = sorted((REPOSITORY / "stages").iterdir())
     rules = re.findall(r'"\$SHUKOTSU_STAGES"/(\w+\.py)', (REPOSITORY / "Snakefile").read_text("utf-8"))
     assert {path.name for path in scripts if path.name != "__pycache__"} == {*rules}
-    for path in scripts:
-        if path.suffix == ".py":
-            assert len(path.read_text("utf-8").splitlines()) <= 120, path.name
     sources = [*modules().values(), *scripts, *(REPOSITORY / "tests").rglob("*.py")]
     imported = [
         line for path in sources if path.suffix == ".py" for line in path.read_text("utf-8").split("\n")
@@ -122,7 +119,6 @@ def test_the_snakefile_wires_and_holds_no_logic() -> None:
     lines = (REPOSITORY / "Snakefile").read_text("utf-8").splitlines()
     targets = [name for line in lines for name in re.findall(r"^from (shukotsu[\w.]*)", line)]
     assert {room(target) for target in targets} <= {"workflow", "study", "tables", *GROUND}
-    assert len(lines) <= 350
 
 
 def test_a_checkout_is_the_same_on_any_file_system() -> None:

@@ -1,4 +1,4 @@
-"""A refusal is one short printable line; what left the program is refused by its name, with what to take."""
+"""A refusal is one short printable line that names the word it refuses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 
 from shukotsu.__main__ import main
 from shukotsu.errors import MOST_LETTERS, InputError
-from shukotsu.left import LEFT, instead
 
 
 def test_whatever_a_sentence_quotes_it_is_one_short_printable_line() -> None:
@@ -23,17 +22,6 @@ def test_whatever_a_sentence_quotes_it_is_one_short_printable_line() -> None:
     assert sentence.endswith("xxx; expected a number")
 
 
-def test_a_name_that_left_has_a_sentence_and_another_one_none() -> None:
-    assert instead("command", "devices") == "devices left in 0.2: take record --devices"
-    assert instead("command", "device") == ""
-
-
-@pytest.mark.parametrize("command", [name for kind, name in LEFT if kind == "command"])
-def test_a_command_that_left_says_what_to_take(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "--help"]) == 2
-    assert capsys.readouterr().err == f"error: {instead('command', command)}\n"
-
-
 RECORD = "record --port /dev/no-such-port --out rom.arrows"
 REFUSED = {
     "emulate --pty --stations 0-3": "--stations: is '0-3'; expected numbers from 1 to 16",
@@ -43,18 +31,13 @@ REFUSED = {
     "emulate --archive out.arrows": "--archive: needs a recording",
     "emulate --archive out.bin --recording r.csv": "out.bin: is to be a raw capture",
     "emulate --archive o.arrows --recording r.csv --loop": "--loop: needs a port",
-    "emulate --igtl 0": "emulate --igtl left in 0.2: record with PLUS",
-    "emulate --pty --drop-bytes=1e-5": "emulate --drop-bytes left in 0.2: leave it out",
     "record --ask": "--port: is missing; `shukotsu record --devices` lists",
     f"{RECORD} --duration 0": "--duration: is 0; expected seconds above 0",
     f"{RECORD} --out rom.parquet": "--out: is rom.parquet; expected a name that ends with .arrows",
-    f"{RECORD} --tracker fastrak": "--tracker: fastrak left in 0.2: record with the tracker's own program",
-    f"{RECORD} --tracker libety": "--tracker: is 'libety'; expected one of liberty, patriot, viper",
+    f"{RECORD} --tracker libety": "--tracker: is 'libety'; did you mean 'liberty'?",
     f"{RECORD} --tracker viper --stations 1": "--stations: a VIPER sends every sensor",
     f"{RECORD} --tracker viper --items short": "--items: a VIPER has no output lists",
     f"{RECORD} --tracker patriot --rate 120": "--rate: a patriot has a rate of its own",
-    f"{RECORD} --port igtl://host:18944": "--port: igtl left in 0.2: record with PLUS or 3D Slicer",
-    f"{RECORD} --lsl-outlet": "record --lsl-outlet left in 0.2: import the archive",
     f"{RECORD} --stations 0": "--stations: is '0'",
     f"{RECORD} --hemisphere up": "--hemisphere: is 'up'",
     RECORD: "/dev/no-such-port: no such port",
@@ -68,7 +51,6 @@ REFUSED = {
     "coach --replay=x.arrows --study=absent.yaml --subject=3": "absent.yaml",
     "coach --replay=x.arrows --study=absent.yaml": "--subject: is missing",
     "coach --replay=x.arrows -- --rate=240": "--rate=240: is an option of the recorder",
-    "coach --port=x --listen=0.0.0.0:1": "coach --listen left in",
     "coach --port=socket://127.0.0.1:1": "socket://127.0.0.1:1: nothing was recorded",
     "import --in=r.csv --layout=a --subject= --hand=left --task=rom --out=p": "--subject: is empty",
     "new there": "there/recordings.tsv: is there already; name another folder, or edit that file",

@@ -25,6 +25,7 @@ from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values, severity_of_loss
 from shukotsu.study.layout import Layout
 from shukotsu.tables.device_clock import ClockBreak, device_clock, without_packets
+from shukotsu.tables.limits import SECONDS_PER_UNIT
 from shukotsu.tables.poses import Poses
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
@@ -277,22 +278,15 @@ def _breaks(breaks: Sequence[Values]) -> list[Finding]:
     return findings
 
 
-_SECONDS = {
-    "ns": (1e-9, "nanoseconds"),
-    "us": (1e-6, "microseconds"),
-    "ms": (1e-3, "milliseconds"),
-    "s": (1.0, "seconds"),
-}
-"""Units that a mapping knows, in seconds, and their names."""
+_UNIT_WORDS = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": "seconds"}
 
 
 def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Finding]:
     if factor is None:
         return []
-    seconds, read = _SECONDS.get(declared.time_unit, _SECONDS["s"])
-    unit = next(
-        (name for name, (second, _) in _SECONDS.items() if np.isclose(second, factor * seconds, atol=0)), ""
-    )
+    declared_unit = declared.time_unit or "s"
+    seconds, read = factor * SECONDS_PER_UNIT[declared_unit], _UNIT_WORDS[declared_unit]
+    unit = next((name for name, s in SECONDS_PER_UNIT.items() if np.isclose(s, seconds, atol=0)), "")
     rate_hz = 1 / line.interval_s
     seen = {"rate_hz": rate_hz, "unit": unit, "read": read, "factor": factor, **declared.unmapped}
     if declared.rate_hz and not declared.time_unit:

@@ -37,14 +37,10 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     poses, broken = read_poses(path, layout.measured), parameters.get("breaks", ())
     checked = check_recording(poses, layout, side, declared, _left_out(path), broken)
     loose = _loose_clusters(parameters.get("clusters", ()))
-    dead = [s for s, valid in zip(poses.segments, poses.valid.T, strict=True) if not valid.any()]
-    mapping, absent = parameters.get("mapping"), parameters.get("absent", [])
-    dead = [s for s in dead if s in layout.expected and s not in (mapping or {}).get("fixed", ())]
-    unmapped = [s for s in dead if mapping is not None and s not in absent]
     missing = [
-        Finding("receivers-absent", NOTE, variant, {"segments": segments})
-        for variant, segments in (("", [s for s in dead if s not in unmapped]), ("unmapped", unmapped))
-        if segments
+        Finding("receivers-absent", NOTE, variant, {"segments": parameters[name]})
+        for variant, name in (("", "absent"), ("unmapped", "unmapped"))
+        if parameters.get(name)
     ]
     return replace(checked, findings=(*loose, *checked.findings, *missing))
 

@@ -114,17 +114,13 @@ def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
         mistakes.append(Hypothesis("wrong-hand", SampledMotion.mirrored, "", hand))
         mistakes += [*_digit_swaps(recorded), *_turns(recorded)]
     rivals = Counter((mistake.kind, mistake.places is None, mistake.penalty) for mistake in mistakes)
-    return [
-        replace(
-            mistake,
-            penalty=mistake.penalty
-            + float(
-                np.log(rivals[mistake.kind, mistake.places is None, mistake.penalty] / SHARES[mistake.kind])
-            ),
-            values={**mistake.values, **recorded.declared.unmapped},
-        )
-        for mistake in mistakes
-    ]
+
+    def penalty(mistake: Hypothesis) -> float:
+        alike = rivals[mistake.kind, mistake.places is None, mistake.penalty]
+        return mistake.penalty + float(np.log(alike / SHARES[mistake.kind]))
+
+    unmapped = recorded.declared.unmapped
+    return [replace(each, penalty=penalty(each), values={**each.values, **unmapped}) for each in mistakes]
 
 
 SHARES = {
@@ -144,14 +140,10 @@ SHARES = {
 
 CYCLIC_ORDERS = ("wxyz", "xyzw", "yzwx", "zwxy")
 """What comes of w, x, y, z and x, y, z, w taken for each other, once or twice."""
-ORDERS = (
-    *CYCLIC_ORDERS,
-    *dict.fromkeys(
-        order
-        for axes in map("".join, permutations("xyz"))
-        for order in (f"w{axes}", f"{axes}w")
-        if order not in CYCLIC_ORDERS
-    ),
+ORDERS = tuple(
+    dict.fromkeys(
+        [*CYCLIC_ORDERS, *(o for axes in map("".join, permutations("xyz")) for o in (f"w{axes}", f"{axes}w"))]
+    )
 )
 """Every order of a quaternion's numbers that is looked for: the cyclic ones, and w first or last."""
 RARE = float(np.log(20.0))

@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
         "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
         "say what in its recordings contradicts what was declared. Of a recording: say that, and which "
         "measurements on the hand would gain most. It ends with 0 where there is no finding or notes alone, "
-        "with 1 where something is suspect or refused, with 2 where something cannot be read.",
+        "with 1 where something is suspect, with 2 where something is refused or cannot be read.",
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
     )
@@ -56,11 +56,11 @@ def check(arguments: argparse.Namespace) -> int:
 def check_recording(arguments: argparse.Namespace) -> int:
     """Import a recording for the moment; print its findings, or else what would improve its hand.
 
-    Return 1 where there is more than a note.
+    Return the exit code of the gravest finding.
     """
     from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.readers import import_recording
-    from shukotsu.study.findings import NOTE, in_quotes
+    from shukotsu.study.findings import EXIT_CODES, in_quotes
     from shukotsu.study.layout import read_layout
 
     path, hand, layout, mapping = arguments.file, arguments.hand, arguments.layout, arguments.mapping
@@ -82,8 +82,8 @@ def check_recording(arguments: argparse.Namespace) -> int:
         findings = checked_poses(poses, worn.of_hand(hand)).findings
         for finding in findings:
             print(f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}")
-        if any(finding.severity != NOTE for finding in findings):
-            return 1  # before that is settled, nothing can be said of joints
+        if status := max((EXIT_CODES[finding.severity] for finding in findings), default=0):
+            return status  # before that is settled, nothing can be said of joints
         print("" if findings else "no finding\n", end="")
         for line in _gain_lines(poses, worn, hand):
             print(line)

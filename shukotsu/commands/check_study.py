@@ -18,7 +18,7 @@ from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
-from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding
+from shukotsu.study.findings import EXIT_CODES, REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
 from shukotsu.tables.line_printer import progress
@@ -27,8 +27,6 @@ from shukotsu.workflow.study_files import StudyFiles, import_options
 
 Said = tuple[str, int, str]
 """Name of a recording or hand, the exit code of a sentence about it, and the sentence."""
-
-EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
 
 
 def check_study(path: Path) -> int:

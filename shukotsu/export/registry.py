@@ -197,15 +197,12 @@ DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n
 def chosen_formats(names_list: str) -> list[str]:
     """Return names from a comma-separated list; InputError where one is no format, or is there twice."""
     from shukotsu.errors import InputError
-    from shukotsu.left import instead
 
     names = [name.strip() for name in names_list.split(",") if name.strip()]
     if twice := [name for name in FORMATS if names.count(name) > 1]:
         raise InputError(f"--formats: {twice[0]} is there twice; name each once")
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
-        if why := instead("export", unknown[0] if unknown else ""):
-            raise InputError(f"--formats: {why}")
         raise InputError(
             f"--formats: {unknown[0] if unknown else 'nothing'!r} is no format; expected one or more of "
             f"{', '.join(FORMATS)}, joined by commas"

@@ -24,14 +24,14 @@ from shukotsu.fit.compiled_equations import reduce
 from shukotsu.fit.fingertips import Fingertips, square_root
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.fit.normal_equations import Frames, Point
-from shukotsu.fit.operations import Branch, Index, cross
+from shukotsu.fit.operations import Branch, Index
 from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.fit.touches import SKIN_SD_MM
 from shukotsu.hand import average_hand as prior
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.known_digits import known_digits
-from shukotsu.hand.rotations import Array, about_axis, matrix, multiply
+from shukotsu.hand.rotations import Array, about_axis, cross, matrix, multiply
 from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Digit
 

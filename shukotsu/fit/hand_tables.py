@@ -24,7 +24,6 @@ from shukotsu.study.verdict import UNJUDGED, note_doubts
 from shukotsu.tables import catalogue
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import Table, vector_columns
-from shukotsu.translation import listed
 
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"
@@ -195,13 +194,6 @@ def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceive
         start, step = moves[0].start, np.sum([move.step for move in moves], axis=0)
         joints, digits = joints_beside(layout, segment), digits_carried(layout, segment)
         mm, deg = float(np.linalg.norm(step[:3])), float(np.degrees(np.linalg.norm(step[3:])))
-        since = "the start" if start.is_first else _moment(start)
-        sentence = (
-            f"sits elsewhere in {_title(name)} than in the calibration, from {since} on: it moved {mm:.1f} "
-            f"mm and turned {deg:.0f} deg on its bone, or more about its joint's own axis; from then on "
-            f"{listed(joints)} have no angles there; put it back or calibrate with it as it sits, and record "
-            f"{_title(name)} again"
-        )
         rows.append(
             {
                 "task": name.task,
@@ -213,7 +205,6 @@ def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceive
                 "turn_deg": deg,
                 "joints": ";".join(joints),
                 "digits": ";".join(digits),
-                "message": sentence,
             }
         )
     return rows

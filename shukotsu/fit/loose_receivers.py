@@ -66,12 +66,11 @@ _MEDIAN_OF_SQUARES = 2.366
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of one of several recordings, by number; its time (or NaN), and whether it is the first."""
+    """A frame of one of several recordings, by number, and its time (or NaN)."""
 
     recording: int
     frame: int
     time_s: float
-    is_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -180,7 +179,7 @@ def _loose(
         if not moved.slides:
             first = last = _exact_row(fit, poses, rows, untempered, x, moved, others)
         start, end = (
-            Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]), row == 0)
+            Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]))
             for row in (first, last)
         )
         loose.append(LooseReceiver(fit.evidence.model.receivers[moved.receiver], start, end, moved.step))

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand.rotations import Array
+from shukotsu.hand.rotations import Array, cross
 
 Index = npt.NDArray[np.int64]
 NOTHING: Array = np.empty(0)
@@ -232,12 +232,3 @@ def _times(rotation: Array, constant: Array) -> Array:
     """Rotations (F, 3, 3) of one vector (3,) or matrix (3, 3), as one product."""
     flat = np.ascontiguousarray(rotation).reshape(-1, 3) @ constant
     return np.asarray(flat.reshape(-1, *constant.shape))
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Cross product of vectors (..., 3), written out (np.cross is slow)."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return out

@@ -17,9 +17,8 @@ import numpy as np
 from shukotsu.fit.chain import HandModel
 from shukotsu.fit.chain_builder import Amount, receiver
 from shukotsu.fit.normal_equations import Point, Problem, Reduced, states_by_unknowns
-from shukotsu.fit.operations import cross
 from shukotsu.fit.receiver_frames import Convention
-from shukotsu.hand.rotations import Array
+from shukotsu.hand.rotations import Array, cross
 from shukotsu.study.layout import Joint, Layout
 
 

@@ -17,6 +17,7 @@ from shukotsu.errors import InputError, TableError, join_reasons
 from shukotsu.hand.measured import not_measured_text, not_worn
 from shukotsu.hand.posing import Index, Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
 from shukotsu.hand.rotations import Array
+from shukotsu.study.findings import moved_finding
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.plan import SubjectPlan
@@ -104,7 +105,7 @@ class RecordingReader:
     def unbelieved(self, column: str, name: str) -> str:
         """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
-        return join_reasons(f"{row['segment']}: {row['message']}" for row in rows)
+        return join_reasons(moved_finding(row).message for row in rows)
 
     @cached_property
     def seen(self) -> set[str]:

@@ -143,6 +143,15 @@ def mean_rotation(quaternion: Array) -> Array:
     return np.asarray(-mean if mean[0] < 0 else mean)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of vectors (..., 3), written out (np.cross is slow)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
 def cross_matrix(vector: Array) -> Array:
     """Matrices (..., 3, 3) that give the cross product of vectors (..., 3) with what they multiply."""
     x, y, z = np.moveaxis(vector, -1, 0)

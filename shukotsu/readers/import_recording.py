@@ -92,6 +92,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
         inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
         inputs += [] if arguments.mapping is None else [arguments.mapping]
         parameters = {**_parameters(arguments, layout.name, absent), "notes": said}
+        parameters["unmapped"] = [s for s in layout.expected if s not in worn]
         if mapping is not None:
             declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
             unit = mapping.config.get("csv", {}).get("time_unit")

@@ -294,7 +294,7 @@ def _gap_and_length_mm(above: ReceiverPoses, below: ReceiverPoses) -> Array:
         return np.full(2, np.nan)
     sampled = np.linspace(0, len(both) - 1, min(SAMPLED, len(both))).astype(int)
     turn, apart = _turn_and_apart(above[1][rows[sampled]], below[1][others[sampled]])
-    gap_mm = _rms(_gap_mm(turn, apart, _centre(turn, apart)))
+    gap_mm = _rms_gap_mm(turn, apart, _centre(turn, apart))
     return np.maximum([gap_mm, np.median(np.linalg.norm(apart, axis=-1))], LEAST_GAP_MM)
 
 
@@ -355,9 +355,8 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
     sampled = np.unique(np.linspace(0, len(frame) - 1, min(SAMPLED, len(frame))).astype(int))
     turn, apart = _turn_and_apart(parent[sampled], child[sampled])
     distance_mm = np.linalg.norm(child[:, :3] - parent[:, :3], axis=-1)
-    centre = _centre(turn, apart)
     open_mm = max(OPEN_MM, OPEN_SHARE * float(np.median(distance_mm[sampled])))
-    whole_mm = _rms(_gap_mm(turn, apart, centre))
+    whole_mm = _rms_gap_mm(turn, apart, _centre(turn, apart))
     if whole_mm < open_mm:
         return None
     best, least = None, np.inf
@@ -367,10 +366,7 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
             continue
         sides = slice(0, split), slice(split, None)
         centres = [_centre(turn[side], apart[side]) for side in sides]
-        gaps_mm = [
-            _rms(_gap_mm(turn[side], apart[side], middle))
-            for side, middle in zip(sides, centres, strict=True)
-        ]
+        gaps_mm = [_rms_gap_mm(turn[s], apart[s], middle) for s, middle in zip(sides, centres, strict=True)]
         sizes_mm = [float(np.median(distance_mm[sampled[side]])) for side in sides]
         shares = [gap / max(size, LEAST_GAP_MM) for gap, size in zip(gaps_mm, sizes_mm, strict=True)]
         until = split < PUT_ON * len(sampled) and shares[1] < CLOSED * shares[0]
@@ -398,8 +394,7 @@ def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[
         half_mm = np.abs(window[-1] - window[0]) / 2
         yield int(run[0] + np.argmax(np.abs(window - window[0]) >= half_mm)), None
     for end, numbers in enumerate((parent, child)):
-        cosine = np.abs((numbers[1:, 3:] * numbers[:-1, 3:]).sum(-1)).clip(0.0, 1.0)
-        rows = np.flatnonzero(2 * np.degrees(np.arccos(cosine)) > TURN_DEG)
+        rows = np.flatnonzero(_turned_and_apart(numbers[:-1], numbers[1:])[1] > TURN_DEG)
         # what turns at once all along is written in another unit or order, and breaks nowhere
         for row in rows if len(rows) <= MOMENTS else ():
             yield int(row) + 1, end
@@ -416,5 +411,5 @@ def _gap_mm(turn: Array, apart: Array, centre: Array) -> Array:
     return np.asarray(np.linalg.norm(turn @ centre - apart, axis=-1))
 
 
-def _rms(gap_mm: Array) -> float:
-    return float(np.sqrt((gap_mm**2).mean()))
+def _rms_gap_mm(turn: Array, apart: Array, centre: Array) -> float:
+    return float(np.sqrt((_gap_mm(turn, apart, centre) ** 2).mean()))

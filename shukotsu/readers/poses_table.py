@@ -344,8 +344,7 @@ def _without_breaks(
     for gap in breaks(*_believed(segments, files, parents)):
         for name in gap.segments:
             frame = files[name].rows()["frame"]
-            _break_off(files[name], frame < gap.frame if gap.until else frame >= gap.frame)
-            out[name] = replace(segments[name], usable=int(_usable(files[name].rows()).sum()))
+            out[name] = _break_off(out[name], files[name], (frame < gap.frame) == gap.until)
         left = min(out[name].usable / segments[name].usable for name in gap.segments)
         seen = {"segments": list(gap.segments), "until": gap.until, "grown": gap.grown, "percent": 100 * left}
         values.append({**seen, **_when(files[gap.segments[-1]].rows(), gap.frame)})
@@ -360,8 +359,8 @@ def _without_exchanges(
     for exchange in exchanges(*_believed(segments, files, parents)):
         for name in exchange.segments:
             frame = files[name].rows()["frame"]
-            _break_off(files[name], (frame >= exchange.first) & (frame <= exchange.last))
-            out[name] = replace(segments[name], usable=int(_usable(files[name].rows()).sum()))
+            off = (frame >= exchange.first) & (frame <= exchange.last)
+            out[name] = _break_off(out[name], files[name], off)
         frames = {"segments": list(exchange.segments), "number": exchange.first, "number_2": exchange.last}
         values.append({**frames, **_when(files[exchange.segments[0]].rows(), exchange.frame)})
     return out, tuple(values)
@@ -381,10 +380,12 @@ def _believed(
     return names, poses, [(parents[name], name) for name in names if parents.get(name, "") in names]
 
 
-def _break_off(file: _RowFile, off: npt.NDArray[np.bool_]) -> None:
+def _break_off(segment: _Segment, file: _RowFile, off: npt.NDArray[np.bool_]) -> _Segment:
+    """Flag those complete rows (N,) of a segment; return it with as many usable rows as it then has."""
     rows = file.rows().copy()
     rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
     file.replace(rows)
+    return replace(segment, usable=int(_usable(rows).sum()))
 
 
 def _when(rows: Rows, frame: int) -> dict[str, Any]:

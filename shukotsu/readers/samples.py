@@ -99,16 +99,15 @@ def unwrapped_frames(
     most = max(range(len(frames)), key=lambda receiver: len(frames[receiver]))
     frame, time_s = frames[most], times_s[most]
     size = next((1 << bits for bits in (8, 16, 32) if max(map(np.max, frames)) < 1 << bits), 0)
-    steps, steps_s = np.diff(frame), np.diff(time_s)
+    steps = np.diff(frame)
     full = steps < -0.75 * size
     steps = steps + size * full
     if not size or not full.any() or steps.min() < 0 or frame.min() < 0:
         return [*frames], ""
     timed = bool(np.isfinite(time_s).all())
-    rates = steps_s / np.maximum(steps, 1) if timed else steps
-    if not (
-        np.abs(rates[full] / np.median(rates) - 1) < 0.5 if timed else steps[full] < 4 * np.median(steps)
-    ).all():
+    rates = np.diff(time_s) / np.maximum(steps, 1) if timed else steps
+    alike = np.abs(rates / np.median(rates) - 1) < 0.5 if timed else steps < 4 * np.median(steps)
+    if not alike[full].all():
         return [*frames], ""
     counted = frame + size * np.cumsum([0, *full])
     out = []
@@ -117,10 +116,8 @@ def unwrapped_frames(
         if timed and np.isfinite(other_s).all():  # it may begin later, or be away for a whole turn
             turns = np.rint((np.interp(other_s, time_s, counted) - other) / size).astype(np.int64)
         out.append(other + size * turns)
-    return (
-        out,
-        f"the frame counter begins anew after {size - 1}, {full.sum()} times; its frames are counted on",
-    )
+    times = full.sum()
+    return out, f"the frame counter begins anew after {size - 1}, {times} times; its frames are counted on"
 
 
 def segments_of_names(

@@ -5,7 +5,6 @@ The schemas are closed: a typo is refused by name. `docs/configuration.md` is ma
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
 import os
@@ -16,8 +15,7 @@ from typing import Any
 
 import yaml
 
-from shukotsu.errors import InputError, shorten
-from shukotsu.left import instead
+from shukotsu.errors import InputError, nearest, shorten
 from shukotsu.resources import ROOT
 from shukotsu.tables import limits
 from shukotsu.tables.text_files import read_text, slash_hint
@@ -227,10 +225,7 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     path = folder / name
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
-    if why := instead(kind, name):
-        raise InputError(f"{kind}s: {why}")
-    close = difflib.get_close_matches(name, shipped_names(kind), 1)
-    near = f"; did you mean {close[0]!r}?" if close else slash_hint(name)
+    near = nearest(name, shipped_names(kind)) or slash_hint(name)
     raise InputError(
         f"{kind} {shorten(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped_names(kind))}) "
         f"nor a file in {folder}{near}"
@@ -264,15 +259,11 @@ def _sentence(error: Any) -> str:
     if rule == "additionalProperties":
         keys = list(error.schema.get("properties", {}))
         odd = sorted(str(key) for key in set(instance) - set(keys))
-        close = difflib.get_close_matches(odd[0], keys, 1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        why = next(filter(None, (instead("key", key) for key in odd)), "")
-        fault = why or f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{hint}"
+        fault = f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{nearest(odd[0], keys)}"
     elif rule == "required":
         fault = f"the key {', '.join(repr(key) for key in value if key not in instance)} is missing"
     elif rule == "enum":
-        why = instead(str(path[0]).removesuffix("s"), str(instance))
-        fault = why or f"{actual}; expected one of {', '.join(map(str, value))}"
+        fault = f"{actual}; expected one of {', '.join(map(str, value))}"
     elif rule == "type":
         kinds = [value] if isinstance(value, str) else value
         fault = f"{actual}; expected {' or '.join(_IN_WORDS[kind] for kind in kinds)}"

@@ -6,6 +6,7 @@ Kinds stand in `mistakes.yaml`, sentences by kind and variant in `finding_senten
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -17,6 +18,8 @@ from shukotsu.resources import ROOT
 from shukotsu.translation import N_, filled, foreign, listed, ngettext, tr, word
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
+EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
+"""Exit codes of a check by the gravest finding."""
 STAGE = "check_recordings"
 
 LEAST_LOST = 2.0
@@ -167,8 +170,26 @@ def problem_row(stage: str, finding: Finding, **where: str) -> dict[str, str]:
 def problem_of(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of the findings table as the problems table has it."""
     kept = {name: value for name, value in row.items() if name != "trial"}
-    task = ", ".join(filter(None, (row["task"], row["trial"])))
-    return {**kept, "task": task, "model": "", "stage": STAGE}
+    return {**kept, "task": title_of(row), "model": "", "stage": STAGE}
+
+
+def title_of(row: Mapping[str, Any]) -> str:
+    """Return the task and the trial, where there is one, of a table's row."""
+    return ", ".join(filter(None, (row["task"], row["trial"])))
+
+
+def moved_finding(row: Mapping[str, Any]) -> Finding:
+    """Return the finding of a row of moved_receivers."""
+    is_timed = row["from_s"] is not None and math.isfinite(row["from_s"])
+    values = {
+        "segment": row["segment"],
+        "recording": title_of(row),
+        **({"first_s": row["from_s"]} if is_timed else {"number": row["from_frame"]}),
+        "mm": row["shift_mm"],
+        "deg": row["turn_deg"],
+        "joints": row["joints"].split(";"),
+    }
+    return Finding("receiver-moved", SUSPECT, "" if is_timed else "in-frame", values)
 
 
 def finding_of(row: Mapping[str, Any]) -> Finding:

@@ -15,12 +15,13 @@ from shukotsu.errors import InputError, TableError
 from shukotsu.study.findings import (
     NOTE,
     REFUSED,
-    SUSPECT,
     Finding,
     finding_of_text,
+    moved_finding,
     problem_of,
     problem_row,
     severity_of_loss,
+    title_of,
 )
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.results import GATHERED_TABLES
@@ -151,25 +152,16 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Row]:
 
 def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[Row]:
     """Receivers that sit elsewhere in a recording than in the calibration, whose frames there are lost."""
-    problems = []
-    for row in rows_of(moved):
-        timed = row["from_s"] is not None and np.isfinite(row["from_s"])
-        values = {
-            "segment": row["segment"],
-            "recording": _title(row),
-            **({"first_s": row["from_s"]} if timed else {"number": row["from_frame"]}),
-            "mm": row["shift_mm"],
-            "deg": row["turn_deg"],
-            "joints": row["joints"].split(";"),
-        }
-        finding = Finding("receiver-moved", SUSPECT, "" if timed else "in-frame", values)
-        finding = finding.accept(accepted.get((row["hand"], _title(row)), ""))
-        problems.append(problem_row("fit_hand", finding, **_hand_of(row), task=_title(row)))
-    return problems
+    return [
+        _of_recording(
+            "fit_hand", moved_finding(row).accept(accepted.get((row["hand"], title_of(row)), "")), row
+        )
+        for row in rows_of(moved)
+    ]
 
 
-def _title(row: Row) -> str:
-    return ", ".join(filter(None, (row["task"], row["trial"])))
+def _of_recording(stage: str, finding: Finding, row: Row) -> Row:
+    return problem_row(stage, finding, **_hand_of(row), task=title_of(row))
 
 
 def _hand_of(row: Row) -> dict[str, str]:
@@ -206,13 +198,9 @@ def _joint_problems(joints: pa.Table, _: Accepted) -> list[Row]:
 
 def _clock_problems(clocks: pa.Table, _: Accepted) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
-    return [
-        problem_row(
-            "align_events", finding_of_text("events", NOTE, row["message"]), **_hand_of(row), task=_title(row)
-        )
-        for row in rows_of(clocks)
-        if row["status"] in ("weak", "failed")
-    ]
+    unsure = [row for row in rows_of(clocks) if row["status"] in ("weak", "failed")]
+    findings = [finding_of_text("events", NOTE, row["message"]) for row in unsure]
+    return [_of_recording("align_events", *each) for each in zip(findings, unsure, strict=True)]
 
 
 def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]]:

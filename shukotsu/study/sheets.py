@@ -18,7 +18,6 @@ from typing import Any
 import yaml
 
 from shukotsu.errors import InputError, list_names
-from shukotsu.left import instead
 from shukotsu.resources import ROOT
 from shukotsu.study.file_formats import AUTO, FORMATS
 from shukotsu.tables import limits
@@ -92,8 +91,6 @@ def _reason(text: str) -> str:
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
-            if why := instead("format", text):
-                raise ValueError(why)
             raise ValueError(f"is {text!r}; expected {', '.join(words[:-1])} or {words[-1]}")
         return text
 

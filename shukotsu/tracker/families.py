@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
-from shukotsu.errors import InputError
-from shukotsu.left import instead
+from shukotsu.errors import InputError, guess
+from shukotsu.tables import limits
 from shukotsu.tables.limits import RATES_HZ
 
 
@@ -72,13 +72,12 @@ USB_TRACKERS = {device: tracker for family in FAMILIES.values() for device, trac
 def check_family(name: str, where: str) -> None:
     """Raise InputError where no family has that name; where : what names it, for the message."""
     if name not in FAMILIES:
-        why = instead("family", name) or f"is {name!r}; expected one of {', '.join(FAMILIES)}"
-        raise InputError(f"{where}: {why}")
+        raise InputError(f"{where}: is {name!r}; {guess(name, [*FAMILIES])}")
 
 
 STATIONS = frozenset(range(256))
 """Numbers that a station's byte can have; no tracker has as many."""
-MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
+MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
 
 
 @dataclass(frozen=True)
@@ -125,8 +124,6 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{where}: the tracker's settings in it are damaged; copy it again") from error
     check_family(settings.family, where)
-    if why := instead("format", settings.mode):
-        raise InputError(f"{where}: {why}")
     vectors = [number for vector in settings.hemisphere.values() for number in vector]
     if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
         raise InputError(

@@ -20,7 +20,6 @@ import serial
 from serial.tools import list_ports
 
 from shukotsu.errors import InputError
-from shukotsu.left import instead
 from shukotsu.tracker.families import POLHEMUS, READY, USB_TRACKERS, WANTS_FIRMWARE
 
 WAIT_S = 0.1
@@ -203,10 +202,7 @@ def open_port(name: str, baud: int) -> Port:
 
     Raises InputError where there is no such port, it may not be opened, or another program has it.
     """
-    scheme, colon, _ = name.partition(":")
-    if colon and (why := instead("port", scheme)):
-        raise InputError(f"--port: {why}")
-    if colon and scheme == "usb":
+    if name.startswith("usb:"):
         return UsbPort(name)
     options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
     if "://" not in name:

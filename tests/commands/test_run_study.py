@@ -78,7 +78,7 @@ def test_a_signal_ends_all_that_was_started(name: str, kill: Callable[[int, int]
     started = psutil.Process(process.pid).children(recursive=True)
     kill(process.pid, getattr(signal, name))
     status, how = ENDS[name]
-    assert process.communicate()[1] == f"error: {how}; the same command goes on from there\n"
+    assert process.communicate(timeout=120)[1] == f"error: {how}; the same command goes on from there\n"
     assert process.returncode == status
     assert len(started) == 2
     assert not [each for each in started if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_fingers import blanked, moving_fingers, timed
+from moving_fingers import moving_fingers, timed
 
 from shukotsu.errors import InputError
 from shukotsu.export.motion import local_motion
@@ -91,15 +91,6 @@ def test_times_must_be_known_and_grow(name: str, times: list[float], message: st
     with pytest.raises(InputError, match=message):
         write(timed(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
-    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
-    kept = prepare(motion, ExportSettings(), holds_gaps=True, up="")
-    np.testing.assert_array_equal(kept.whole, motion.whole)
-    assert prepare(motion, ExportSettings(gaps="hold"), holds_gaps=True, up="").whole.all()
-    with pytest.raises(InputError, match="joint index_mcp has no pose in frames 17 to 19"):
-        prepare(motion, ExportSettings(), holds_gaps=False, up="y")
 
 
 def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:

@@ -14,6 +14,7 @@ from shukotsu.fit.hand_tables import moved_rows
 from shukotsu.fit.loose_receivers import LooseReceiver, Moment, moved_in
 from shukotsu.fit.part_tables import UNSEEN_TURN_DEG, posed_blocks
 from shukotsu.hand.rotations import about_axis, multiply, rotate
+from shukotsu.study.findings import moved_finding
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses, recording_name
 
@@ -61,12 +62,13 @@ def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> Non
     tips = fingertips(fitted())
     poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))
     path = write_poses(tmp_path / "poses.parquet", poses, "right", "opposition")
-    start = Moment(0, int(poses.frame[0]), float(poses.time_s[0]), is_first=True)
+    start = Moment(0, int(poses.frame[0]), float(poses.time_s[0]))
     receivers = [LooseReceiver("index_distal", start, start, np.radians([0.0, 0, 0, 0, 25, 0]))]
     (row,) = moved_rows(LAYOUT, recording_name(path), receivers)
     assert (row["segment"], row["from_frame"]) == ("index_distal", poses.frame[0])
     assert (row["joints"], row["digits"]) == ("index_dip", "index")
-    assert "sits elsewhere in opposition than in the calibration, from the start on" in row["message"]
+    sentence = moved_finding(row).message
+    assert "index_distal sits elsewhere in opposition than in the calibration" in sentence
     blocks = [next(posed_blocks(tips, path, receivers, calibrates=was)) for was in (False, True)]
     angles, ends = blocks[0]["joint_angles"], blocks[0]["posed_tips"]
     for names, values, lost in (

@@ -51,23 +51,17 @@ def test_what_lies_between_two_receivers_is_measured(gone: tuple[str, ...], join
     assert not measured_in(LAYOUT, LAYOUT.measured, valid & False).bones["hand"].any()
 
 
+FINGER = {"joints": ("cmc", "mcp", "pip", "dip"), "bones": ("metacarpal", "proximal", "middle", "distal")}
+
+
 @pytest.mark.parametrize(
-    ("side", "gone", "since", "joints", "bones"),
-    [
-        ("right", LITTLE, 0, ("cmc", "mcp", "pip", "dip"), ("metacarpal", "proximal", "middle", "distal")),
-        ("right", ("little_distal",), 0, ("dip",), ("distal",)),
-        ("right", LITTLE, 20, ("cmc", "mcp", "pip", "dip"), ("metacarpal", "proximal", "middle", "distal")),
-        ("left", LITTLE, 20, ("cmc", "mcp", "pip", "dip"), ("metacarpal", "proximal", "middle", "distal")),
-    ],
+    ("side", "gone", "since"),
+    [("right", LITTLE, 0), ("right", ("little_distal",), 0), ("right", LITTLE, 20), ("left", LITTLE, 20)],
 )
 def test_a_fitted_hand_has_no_number_of_what_no_receiver_shows(
-    side: str,
-    gone: tuple[str, ...],
-    since: int,
-    joints: tuple[str, ...],
-    bones: tuple[str, ...],
-    tmp_path: Path,
+    side: str, gone: tuple[str, ...], since: int, tmp_path: Path
 ) -> None:
+    joints, bones = (names if gone == LITTLE else names[-1:] for names in FINGER.values())
     poses = without(recorded(side, seed=4, n_frames=1600)[1].take(slice(0, 40)), *gone, since=since)
     path = write_poses(tmp_path / "poses.parquet", poses, side, "rom")
     assert seen_segments(path) == {*LAYOUT.expected} - ({*gone} if since == 0 else set())
@@ -97,10 +91,7 @@ def test_a_joint_that_nobody_wore_a_receiver_for_is_not_worn(
     unworn = {name for name, row in joints.items() if row["reason"] == NOT_WORN}
     assert unworn == {f"little_{kind}" for kind in ("mcp", "pip", "dip") if len(gone) > 1 or kind == "dip"}
     for name in unworn:
-        assert (joints[name]["status"], joints[name]["verdict"], joints[name]["sd_mm"]) == (
-            "failed",
-            "no",
-            None,
-        )
+        numbers = [joints[name][column] for column in ("status", "verdict", "sd_mm")]
+        assert numbers == ["failed", "no", None]
         assert joints[name]["message"].startswith("not measured: no receiver on ")
         assert "check that receiver" not in joints[name]["message"]

@@ -32,7 +32,7 @@ SIGNS = {
     ),
     "Eq. 3, closed, normal equations": (CLOSED, "right = -(V.T @ normal.C_Dd)", "right = V.T @ normal.C_Dd"),
     "Eq. 3, closed, gap": (CLOSED, "offset = p - self.M @ q - self.u", "offset = p + self.M @ q - self.u"),
-    "Eq. 8, order of the cross product": (POSTURE, "_cross(start, vector)", "_cross(vector, start)"),
+    "Eq. 8, order of the cross product": (POSTURE, "= cross(start, vector)", "= cross(vector, start)"),
     "Eq. 9, sine": (
         POSTURE,
         "np.arctan2(np.sqrt(_dot(axis, axis)), ",
@@ -47,8 +47,8 @@ SIGNS = {
     ),
     "Fig. 8, sign of the twist": (
         POSTURE,
-        "_cross(normal_metacarpal, across)",
-        "_cross(across, normal_metacarpal)",
+        " cross(normal_metacarpal, across)",
+        " cross(across, normal_metacarpal)",
     ),
     "Fig. 7, component across": (POSTURE, "normal_proximal - along *", "normal_proximal + along *"),
     "order of swing and twist": (
@@ -58,8 +58,8 @@ SIGNS = {
     ),
     "plane, direction of the slide": (
         "shukotsu/paper/plane.py",
-        "(plane_point_mm - own_point)",
-        "(own_point - plane_point_mm)",
+        "(plane_point_mm - point_mm)",
+        "(point_mm - plane_point_mm)",
     ),
 }
 

@@ -132,13 +132,11 @@ def test_what_is_read_is_what_was_written(
         ("a.igs.mha", "ObjectType = Image\nSeq_Frame0000_ATo", "its header has no end"),
         ("a.nrrd", "NRRD0004\nSeq_Frame0000_AToBTransform:=1 0\n\n", "line 2: expected 16 numbers"),
         ("a.nrrd", f"NRRD0004\nSeq_Frame0000_AToBTransform:={'0 ' * 16}\n\n", "'a' is not in layout"),
-        ("a.jsonl", '{"a": 1}\n', "jsonl left in 0.2: make a table of it"),
     ],
 )
 def test_what_cannot_be_read(tmp_path: Path, name: str, content: str, message: str) -> None:
     (tmp_path / name).write_text(content)
-    mapping = yaml.safe_load(blocks(REPOSITORY / "docs" / "mappings.md", "yaml")[0].text)
-    refuse(tmp_path / name, message, mapping=mapping if name == "a.jsonl" else None)
+    refuse(tmp_path / name, message)
 
 
 def test_what_is_no_pose_is_not_drafted(tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ from shukotsu.tables.typed_table import (
     read_metadata,
     read_table,
     rows_of,
-    write_failure,
     write_table,
 )
 from shukotsu.workflow.study_tables import gather_study
@@ -182,19 +181,6 @@ def test_a_table_says_what_it_was_gathered_from(tmp_path: Path) -> None:
     assert [model["model"] for model in resolved["models"]] == list(MODELS)
     assert resolved["models"][0]["joints"]["calibration"] == "evaluated", "defaults are filled in"
     assert [layout["layout"] for layout in resolved["layouts"]] == ["liberty16"]
-
-
-def test_a_failed_import_is_a_problem_and_a_row(plans: list[SubjectPlan], tmp_path: Path) -> None:
-    recording = plans[0].recordings[1]
-    names = {"subject": "01", "hand": "right", "task": "pinch", "trial": "1"}
-    write_failure(plans[0].poses(recording), POSES, "b.csv: row 7", Provenance((), names))
-    tables = gathered(tmp_path)
-    failed = [row for row in tables["recordings"] if row["status"] == "failed"]
-    assert [(row["file"], row["message"]) for row in failed] == [("b.csv", "b.csv: row 7")]
-    problem = tables["problems"][0]
-    assert (problem["stage"], problem["kind"], problem["severity"]) == ("capture", "recording", "refused")
-    assert (problem["subject"], problem["hand"], problem["task"]) == ("01", "right", "pinch, 1")
-    assert problem["message"] == "b.csv: row 7"
 
 
 def test_failed_parts_are_named_once_and_the_others_are_there(

@@ -78,8 +78,6 @@ PROBLEMS = [
     ("missing, left, rom", "folders are separated by / and not by \\"),
     ("truncated, right, rom", "truncated.parquet: not a readable Parquet file"),
     ("truncated, left, rom", "truncated.csv: line 119: has"),
-    (f"{PATTERN}, right, {{rom}}", f"no usable pose of {DEAD}"),
-    (f"{PATTERN}, left, rom", f"no usable pose of {DEAD}"),
     (f"{HOSTILE}, left, rom", "gone & <b>.csv: no such file"),
     ("one-sided, left", "no recording calibrates this hand"),
     (f"{LONG}, right, rom", "troubled.tsv: row 18, columns subject, session, task, trial: have 3"),
@@ -94,8 +92,10 @@ FINDINGS = {
     ("one-sided, right, rom", "same-file"),
     ("one-sided, left, rom", "same-file"),
     (f"{PATTERN}, left, rom", "wrong-hand"),
+    (f"{PATTERN}, right, {{rom}}", "receivers-absent"),
+    (f"{PATTERN}, left, rom", "receivers-absent"),
 }
-"""Recordings that stand for several people, and a right hand that stands for a left one."""
+"""Recordings that stand for several people, a right hand that stands for a left one, a dead receiver."""
 WITHOUT_JOINTS = [
     ("missing", "right", "nowhere.parquet: no such file"),
     ("missing", "left", "folders are separated by /"),

@@ -78,7 +78,6 @@ def test_a_plane_is_the_childs_lateral_one_unless_told(tmp_path: Path) -> None:
         ("receiver_axes", {"distal": [0, 1, 0]}, "segments.hand: .*distal and lateral are not"),
         ("receiver_axes", {"distal": [2, 0, 0]}, "unit vectors at right angles; distal has length 2"),
         ("segments.tip.receiver_axes", {"dorsal": [1, 0, 0]}, "segments.tip: .*distal and dorsal are not"),
-        ("segments.tip.point", {"segment": "hand", "at": "skin"}, "segments.tip: point left in 0.2"),
         ("joints.mcp.child", "tap", "joints.mcp.child: no segment is called 'tap'"),
         ("joints.cmc.parent", "arm", "joints.cmc.parent: no segment is called 'arm'"),
         ("joints.more", {"parent": "hand", "child": "tip"}, "joints.more: segment tip has two parents"),

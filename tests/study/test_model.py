@@ -38,7 +38,7 @@ def test_the_papers_tables() -> None:
          "metacarpals.rest_direction: has no length"),
         ("model: mine", "the key 'description' is missing"),
         ("model: mine\ndescription: d\njoints: {solver: anatomical}",
-         "joints.solver: anatomical left in 0.2: take solver closed"),
+         "joints.solver: is 'anatomical'; expected one of"),
         ("model: mine\ndescription: d\nplanes: {cut: false, corrections: true}",
          "planes.corrections: is true, but planes.cut: false makes centres final"),
         ("model: mine\ndescription: d\nmetacarpals: {unmeasured: fitted}",

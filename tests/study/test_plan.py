@@ -70,16 +70,6 @@ def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (read.touches, read.truth(read.recordings[0])) == ((), None)
 
 
-def test_paths_are_relative_to_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    texts = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        monkeypatch.chdir(tmp_path / name)
-        texts.append(plan_text(content(write_study(Path("study"), *ROWS, **SHEETS), "01")))
-    assert texts[0] == texts[1]
-    assert str(tmp_path) not in texts[0].replace(str(Path(__file__).parents[2]), "")
-
-
 OTHER_ROW = "03 left rom both data/third.csv"
 CORRECTED = SHEETS["corrections"].replace("\n", "\n02 left wrist 1 1 1\n", 1)
 

@@ -75,17 +75,7 @@ def test_what_changed_since_the_last_run_is_named() -> None:
     assert again.changes("another", {"a": "1"}) == []
 
 
-NOTES = (
-    "{}",
-    "[]",
-    "3",
-    "null",
-    "[1]",
-    "[{}]",
-    '[[], {"a": 1}]',
-    '[{"a": [1, 2, 3]}, {}]',
-    '[{"outputs": 3}]',
-)
+NOTES = ("{}", "3", "null", "[1]", '[[], {"a": 1}]', '[{"a": [1, 2, 3]}, {}]', '[{"outputs": 3}]')
 
 
 @pytest.mark.parametrize("text", [*NOTES, "[" * 10**5])

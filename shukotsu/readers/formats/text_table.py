@@ -25,7 +25,6 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from shukotsu.errors import InputError, list_names
-from shukotsu.left import instead
 from shukotsu.readers.formats.cells import Cells
 from shukotsu.readers.samples import did_you_mean
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
@@ -255,8 +254,6 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
     Raises InputError where it cannot be read, is not UTF-8 or is empty.
     """
-    if path.name.lower().endswith(".jsonl"):
-        raise InputError(f"{path}: {instead('format', 'jsonl')}")
     with reading(path, "a table as text"):
         data = read_whole(path, "a table as text")
         ended = is_ended(data)

@@ -16,7 +16,6 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array
-from shukotsu.left import instead
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
@@ -90,8 +89,6 @@ def detect_form(path: Path) -> TextForm:
 
     Raises InputError where the file is no text or no layout gives rows of three numbers or more.
     """
-    if path.name.lower().endswith(".jsonl"):
-        raise InputError(f"{path}: {instead('format', 'jsonl')}")
     with open_text(path) as stream:
         data = stream.read(1 << 20)
     try:
