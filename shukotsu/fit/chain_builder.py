@@ -156,6 +156,7 @@ class Builder:
         self.axes: dict[str, Array] = {}
         self.centres: dict[str, str] = {}
         self.centres_in_child: dict[str, tuple[Amount, Amount, Amount]] = {}
+        self.knuckles: dict[str, tuple[Amount, Amount, Amount]] = {}
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
         """An amount of its own, with that mean and sd."""
@@ -193,7 +194,7 @@ class Builder:
             for i, at in enumerate(position)
         ]
         if habit is not None:
-            placed[2] = placed[2].plus(self.shared(prior.COVER_SD_MM, "cover", "receivers"))
+            placed[2] = placed[2].plus(self._cover())
         self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
@@ -212,6 +213,14 @@ class Builder:
                 skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
+
+    def _cover(self) -> Amount:
+        """By how much skin and housing of all receivers are higher than expected, which a drawing tells."""
+        height_mm = self.layout.receiver_height_mm
+        if height_mm is None:
+            return self.shared(prior.COVER_SD_MM, "cover", "receivers")
+        higher = Amount(height_mm - prior.HOUSING_MM, ())
+        return higher.plus(self.shared(prior.SKIN_COVER_SD_MM, "cover", "receivers"))
 
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int

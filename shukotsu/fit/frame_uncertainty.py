@@ -421,7 +421,9 @@ def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array
         seen = frames.valid[:, model.receivers.index(tip.receiver)]
         for part, covariance_mm2 in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
             carried = np.sqrt(np.trace(covariance_mm2) + skin)
-            by_bone = _norm(_end(tips, posed, spread, tips.fit.evidence.layout.digits[digit], part))
+            chain = tips.fit.evidence.layout.digits[digit]
+            by_bone = _norm(_end(tips, posed, spread, chain, part))
+            by_bone = np.sqrt(by_bone**2 + 3.0 * unmodelled_mm2(chain.joints[-1], tips.fit.evidence))
             out[:, index, part] = np.where(seen, carried, by_bone)
     return out
 

@@ -116,6 +116,12 @@ class Observations:
         """Return observations of one row (G,) each."""
         return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
 
+    def plus(self, other: Observations) -> Observations:
+        """Both."""
+        return Observations(
+            np.concatenate([self.rows, other.rows]), np.concatenate([self.values, other.values])
+        )
+
 
 @dataclass(frozen=True)
 class Problem:

@@ -129,10 +129,8 @@ def summarise(evidence: Evidence) -> HandSummary:
         still = np.zeros((3, len(evidence.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
         fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, evidence)
-    bones = {}
-    for segment, length in evidence.model.length.items():
-        mm, sd_mm = evidence.posterior.of_amount(length)
-        bones[segment] = FittedBone(mm, float(np.hypot(sd_mm, unmodelled_length_mm(segment, evidence))))
+    lengths = evidence.model.length.items()
+    bones = {segment: FittedBone(*evidence.posterior.of_amount(length)) for segment, length in lengths}
     return HandSummary(joints, lone, palm, fixed, bones, angle_axes(evidence, places))
 
 
@@ -145,14 +143,6 @@ def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
             compound = joint == digit.joints[0] or digit.name in prior.COMPOUND_DIGITS
             return prior.UNMODELLED_MM["compound" if compound else "mcp"] ** 2
     return 0.0
-
-
-def unmodelled_length_mm(segment: str, evidence: Evidence) -> float:
-    """Sd, mm, of a bone's length beside all that is fitted."""
-    digit = next(digit for digit in known_digits(evidence.layout) if segment in digit.segments)
-    if segment != digit.segments[0]:
-        return prior.UNMODELLED_LENGTH_MM["phalanx"]
-    return prior.UNMODELLED_LENGTH_MM["thumb_metacarpal" if digit.name == "thumb" else "metacarpal"]
 
 
 def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
@@ -228,6 +218,7 @@ def _anatomical_joint(
     half = slice(3 * side, 3 * side + 3)
     covariance, nothing = np.zeros((6, 6)), np.full(3, np.nan)
     covariance[half, half] = by_x @ evidence.posterior.covariance @ by_x.T
+    covariance[half, half] += unmodelled_mm2(joint, evidence) * np.eye(3)
     centres = [nothing, nothing]
     centres[side] = evidence.convention.point(segment, seen[0])
     return FittedJoint(

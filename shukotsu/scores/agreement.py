@@ -27,7 +27,7 @@ ACROSS = ("session", "hand", "recording")
 OF_BOTH_HANDS = frozenset(
     (
         *("scale", "source", "length", "base", "direction", "axis", "lean", "skew"),
-        *("joint slide", "pro-supination"),
+        *("joint slide", "pro-supination", "breadth", "unmodelled"),
     )
 )
 """Groups of unknowns that a person's hands have in common: bones and joints are mirror images."""
