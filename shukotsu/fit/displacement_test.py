@@ -7,7 +7,7 @@ roots are eliminated (`Eliminated`). So what the fit has already bent to the dis
 what joint angles or neighbours can explain as well does not. Nor does what skin may do: an offset that
 belongs to a posture and returns with it, or that fades within seconds.
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ so that what one shows another must show as well. The error grows towards a sour
 place is looked for; its six amounts are tested to first order as displacements of receivers are
 (`displacement_test`).
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

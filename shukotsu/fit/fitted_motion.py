@@ -1,6 +1,6 @@
 """Any recording posed with a fitted hand: joint angles, every bone, every fingertip.
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

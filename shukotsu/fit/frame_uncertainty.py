@@ -8,7 +8,7 @@ numbers, from which the error of anything posed follows: a centre, an angle, a t
 The map changes slowly with posture, and at once with the receivers. So it is made for a few postures of every
 set of valid receivers, and each frame takes that of the nearest.
 
-On paper: docs/whole-hand.md, sections 8 and 10.
+On paper: docs/whole-hand.md, sections 8 and 11.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ turns a receiver where it sits; were it a turn of the joint, a degree of skin wo
 8 mm, which is 23 mm off (simulated). So the sd along the axis is that of the layout's plane
 (`measurements.planes`), or of the reach where it gives none.
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The posterior's covariance after a linear observation does not depend on what is
 P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
 fingertip, is tried on the covariance alone, all at once.
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

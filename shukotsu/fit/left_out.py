@@ -1,6 +1,6 @@
 """Leave out of a calibration where receivers were displaced in it: only what makes centres worse.
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

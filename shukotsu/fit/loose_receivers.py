@@ -5,7 +5,7 @@ receiver is tested for a displacement (`displacement_test`) and the room for met
 metal explains it better, the likeliest displacement is solved for together with the hand and put back, and so
 on until nothing abnormal is left.
 
-On paper: docs/whole-hand.md, section 10.
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations
