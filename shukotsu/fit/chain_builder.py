@@ -189,8 +189,11 @@ class Builder:
         how much less it turns than its place does. faces_anyhow : it may sit anywhere round its bone.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
+        sds_mm = prior.MOUNT_SD_MM
+        if habit is not None and self.layout.receiver_height_mm is not None:
+            sds_mm = (*sds_mm[:2], prior.HEIGHT_SD_MM)
         placed = [
-            self._put_on(at, prior.MOUNT_SD_MM[i], "mount across" if i else "mount", segment, habit, i)
+            self._put_on(at, sds_mm[i], "mount across" if i else "mount", segment, habit, i)
             for i, at in enumerate(position)
         ]
         if habit is not None:
