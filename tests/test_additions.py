@@ -20,6 +20,7 @@ from studies.running import copy_of_the_program
 
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
+from shukotsu.study.config_files import read_constants
 
 RUN = "import json, sys; from shukotsu.__main__ import main; sys.exit(any(map(main, json.load(sys.stdin))))"
 
@@ -141,6 +142,7 @@ def test_an_export(folder: Path, hand: SimulatedHand) -> None:
 
 
 MODEL_ON_PAPER = REPOSITORY / "docs" / "whole-hand.md"
+NOT_OF_THE_FIT = {"JOINTWISE_SLIDE_SD_MM", "JOINTWISE_TILT_SD", "UNKNOWN_SLIDE_SD_MM", "DIP_BY_PIP_SD_DEG"}
 PRINT_MODEL = """
 import json, numpy as np
 from shukotsu.fit.chain import hand_model
@@ -183,6 +185,23 @@ def test_the_changes_of_the_model_that_its_page_works_through(tmp_path: Path) ->
     assert after.pop("receiver index_middle: skin swelling") == pytest.approx(0.3 * (1.0 - relaxed_rad))
     same = {name for name in before if "direction" not in name}
     assert {name: after[name] for name in same} == {name: pytest.approx(before[name]) for name in same}
+
+
+def test_the_page_has_every_sd_as_the_fit_has_it() -> None:
+    """Each row of its table against the numbers, and no sd of these is missing."""
+    rows = re.findall(r"^\| ([A-Z][A-Z_]+_?.*?) \| ([\d., ]+) \|", MODEL_ON_PAPER.read_text("utf-8"), re.M)
+    numbers, written = read_constants(REPOSITORY / "shukotsu" / "hand" / "average_hand.yaml"), set()
+    for what, values in rows:
+        names, parts = re.findall(r"[A-Z][A-Z_0-9]{3,}", what), re.findall(r"[a-z_]{3,}", what)
+        expected: list[float] = []
+        for name in filter(numbers.__contains__, names):
+            value = numbers[name]
+            expected += (
+                [value[part] for part in parts] if isinstance(value, dict) else np.ravel(value).tolist()
+            )
+            written.add(name)
+        assert not expected or [float(value) for value in values.split(", ")] == expected, what
+    assert {name for name in numbers if "_SD" in name} <= written | NOT_OF_THE_FIT
 
 
 def test_every_module_of_the_fit_names_its_sections() -> None:
