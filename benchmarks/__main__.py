@@ -12,6 +12,8 @@ from benchmarks.benchmark_table import write_tables
 BENCHMARKS = {
     "cost": "whole studies, and a whole hand fitted, posed and judged: time and memory",
     "two_drawings": "whole hands drawn by us and by others: errors, what is believed, sd",
+    "sources": "people drawn round a source that the prior is made without: errors, lengths, stated sd",
+    "agreement": "simulated people recorded twice: differences of bones over what was expected",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "keystrokes": "simulated pianists: contact, speed, fingering",
     "null_studies": "studies in which nothing differs: false positives, power",

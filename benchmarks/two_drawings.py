@@ -19,9 +19,10 @@ from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.simulation import LAYOUT, simulate
+from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
 from shukotsu.study.layout import read_layout
-from shukotsu.study.verdict import BELIEVE, RADIUS_SD, judged_joint
+from shukotsu.study.stated_error import halves_mm2, is_within_95
+from shukotsu.study.verdict import BELIEVE, judged_joint
 from shukotsu.tables.poses import Poses
 
 WRITTEN_TO = "accuracy.md", "two drawings"
@@ -57,14 +58,16 @@ class Drawn:
 
 @dataclass(frozen=True)
 class JointErrors:
-    """One joint of one hand: off_mm (2, 3) of both halves, as on a right hand, x distal and z dorsal; sd_mm
-    as stated; posed_mm : mean distance, frame by frame, in the transmitter's frame; slope : of the fitted
-    flexion over the true one; believed : whether the report believes it.
+    """One joint of one hand: off_mm (2, 3) of both halves, in the parent's and the child's receiver; inside :
+    (2,) whether the stated 95 % hold each; sd_mm : stated of the worse half; posed_mm : mean distance, frame
+    by frame, in the transmitter's frame; slope : of the fitted flexion over the true one; believed : whether
+    the report believes it.
     """
 
     drawing: str
     joint: str
     off_mm: Array
+    inside: tuple[bool | None, ...]
     sd_mm: float
     posed_mm: float
     slope: float
@@ -77,12 +80,19 @@ class JointErrors:
 
     @property
     def worse_mm(self) -> float:
-        """Distance of the worse half, which the stated sd is about."""
+        """Distance of the worse half."""
         return float(np.linalg.norm(self.off_mm, axis=1).max())
 
 
-Length = tuple[str, str, float, bool]
-"""Drawing, kind of bone, error in percent, whether the stated 95 % hold the true one."""
+@dataclass(frozen=True)
+class LengthError:
+    """How far off a bone's length is; inside : whether the stated 95 % hold the true one."""
+
+    drawing: str
+    bone: str
+    off_mm: float
+    true_mm: float
+    inside: bool
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -102,7 +112,7 @@ def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
     yield kinds_table(joints)
 
 
-def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
+def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[LengthError]]:
     """Return the errors of a hand that is drawn, calibrated once and fitted."""
     drawn = DRAWINGS[drawing](seed, ("right", "left")[seed % 2])
     fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
@@ -110,11 +120,15 @@ def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
 
 
 def _simulator_drawing(seed: int, hand: str) -> Drawn:
-    simulated = simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S))
+    return simulated_hand(simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S)))
+
+
+def simulated_hand(simulated: Simulated) -> Drawn:
+    """Return what is true of a recording of this project's simulator."""
     truth = simulated.truth
     return Drawn(
         simulated.poses(),
-        hand,
+        simulated.hand,
         {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in truth.joints.items()},
         {name: truth.bone_position_mm[:, JOINTS.index(name) + 1] for name in truth.joints},
         {name: np.degrees(truth.angles_rad[:, JOINTS.index(name), FLEXION]) for name in truth.joints},
@@ -142,41 +156,47 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
     """Hold the joints of a fit against the truth."""
     step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
     rows = np.arange(0, len(drawn.poses.frame), step)
-    posed, convention = pose_hand(fit, drawn.poses.take(rows)), fit.evidence.convention
+    posed = pose_hand(fit, drawn.poses.take(rows))
     wanted_mm = read_layout(LAYOUT).wanted_mm
     judged = {row["joint"]: judged_joint(row, wanted_mm) for row in joint_rows(fit)}
     believed = {name for name, row_of in judged.items() if row_of["verdict"] == BELIEVE}
     for name, joint in fit.joints.items():
         if name not in drawn.truth:
             continue
-        true_mm, sides = drawn.truth[name], (joint.parent_segment, joint.child_segment)
-        halves = zip(sides, (joint.parent_mm, joint.child_mm), true_mm, strict=True)
-        off_mm = [convention.point_matrix(side).T @ (fitted - true) for side, fitted, true in halves]
-        at = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
+        off_mm = np.array([joint.parent_mm, joint.child_mm]) - drawn.truth[name]
+        stated = halves_mm2(joint.covariance_mm2, joint.sd_mm)
+        posed_mm = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
         flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, KINDS[0]))])
         yield JointErrors(
             drawing,
             name,
-            np.array(off_mm),
+            off_mm,
+            tuple(map(is_within_95, off_mm, stated)),
             joint.sd_mm,
-            float(np.nanmean(np.linalg.norm(at - drawn.centre_mm[name][rows], axis=1))),
+            float(np.nanmean(np.linalg.norm(posed_mm - drawn.centre_mm[name][rows], axis=1))),
             float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0]),
             name in believed,
         )
 
 
-def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[Length]:
+def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[LengthError]:
     """Hold the lengths of a fit against the truth, those of last bones aside, which end in soft tissue."""
     for name, bone in fit.bones.items():
-        kind = name.split("_")[1]
-        if kind != "distal":
+        if not name.endswith("_distal"):
             off_mm = bone.length_mm - drawn.lengths_mm[name]
             inside = abs(off_mm) <= COVERED_95_SD * bone.sd_mm
-            yield drawing, kind, 100 * off_mm / drawn.lengths_mm[name], inside
+            yield LengthError(drawing, name, off_mm, drawn.lengths_mm[name], inside)
 
 
-def _inside(joints: Sequence[JointErrors]) -> float:
-    return 100 * float(np.mean([joint.worse_mm <= RADIUS_SD * joint.sd_mm for joint in joints]))
+def centre_numbers(joints: Sequence[JointErrors]) -> tuple[float, float, float]:
+    """Return median and 90th percentile in the child's receiver, mm, and percent in the stated 95 %."""
+    mm = [error.child_mm for error in joints]
+    return float(np.median(mm)), float(np.percentile(mm, 90)), inside_percent(joints)
+
+
+def inside_percent(joints: Sequence[JointErrors]) -> float:
+    """Percent of halves of centres that the stated 95 % hold."""
+    return 100 * float(np.mean([inside for joint in joints for inside in joint.inside]))
 
 
 def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
@@ -184,41 +204,45 @@ def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
     return {name: [joint for joint in joints if joint.drawing == name] for name in names}
 
 
-def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> PrintedTable:
+def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) -> PrintedTable:
     """Return errors of centres, lengths and angles by drawing."""
     rows = []
     for name, of_drawing in _by_drawing(joints).items():
-        child, posed = [error.child_mm for error in of_drawing], [error.posed_mm for error in of_drawing]
-        bones = [error for error in lengths if error[0] == name]
+        posed = [error.posed_mm for error in of_drawing]
+        bones = [error for error in lengths if error.drawing == name]
+        middle = [100 * error.off_mm / error.true_mm for error in bones if error.bone.endswith("_middle")]
+        median, p90, inside = centre_numbers(of_drawing)
         believed = [error for error in of_drawing if error.believed]
         rows.append(
             (
                 name,
-                float(np.median(child)),
-                float(np.percentile(child, 90)),
-                100 * float(np.mean([mm > FAR_MM for mm in child])),
-                _inside(of_drawing),
+                median,
+                p90,
+                100 * float(np.mean([error.child_mm > FAR_MM for error in of_drawing])),
+                inside,
+                float(np.mean([error.sd_mm for error in of_drawing])),
                 float(np.median(posed)),
                 float(np.percentile(posed, 90)),
-                float(np.mean([percent for _, kind, percent, _ in bones if kind == "middle"])),
-                100 * float(np.mean([inside for *_, inside in bones])),
+                float(np.mean(middle)),
+                100 * float(np.mean([error.inside for error in bones])),
                 100
                 * float(np.mean([error.slope - 1 for error in of_drawing if error.joint.endswith("_dip")])),
                 100 * len(believed) / len(of_drawing),
                 max((error.worse_mm for error in believed), default=None),
-                _inside(believed) if believed else None,
+                inside_percent(believed) if believed else None,
             )
         )
     columns = (
         "drawing", "median mm:.2f", "p90 mm:.2f", f"> {FAR_MM:.0f} mm %:.1f", "in 95 %:.1f",
-        "posed: median mm:.2f", "p90 mm:.2f", "middle phalanges %:+.1f", "lengths in 95 %:.0f",
-        "DIP flexion %:+.1f", "believed %:.0f", "worst mm:.1f", "in 95 %:.1f",
+        "mean sd mm:.2f", "posed: median mm:.2f", "p90 mm:.2f", "middle phalanges %:+.1f",
+        "lengths in 95 %:.0f", "DIP flexion %:+.1f", "believed %:.0f", "worst mm:.1f", "in 95 %:.1f",
     )  # fmt: skip
     meaning = (
-        "Centres where they were on average, in the child's receiver as it rode; in 95 %: the worse half "
-        "within the stated radius. Posed: the posed hand's centres in the transmitter's frame, mean over "
-        "frames, where the field is off as well. Own: this project's simulator; other: a drawing that "
-        "shares nothing with it. Believed: what the report believes, and the worst of its worse halves."
+        "Centres where they were on average, in the child's receiver as it rode; in 95 %: centres in "
+        "the parent's and in the child's receiver, held against their covariance. Posed: the posed hand's "
+        "centres in the transmitter's frame, mean over frames, where the field is off as well. Own: this "
+        "project's simulator; other: a drawing that shares nothing with it. Believed: what the report "
+        "believes, and the worst of its worse halves."
     )
     return PrintedTable("two drawings: errors", columns, rows, meaning)
 
@@ -230,7 +254,6 @@ def kinds_table(joints: Sequence[JointErrors]) -> PrintedTable:
     for name, of_drawing in _by_drawing(joints).items():
         for kind in JOINT_TYPES:
             alike = [error for error in of_drawing if kinds[error.joint] == kind]
-            mm = [error.child_mm for error in alike]
-            rows.append((name, kind, float(np.median(mm)), float(np.percentile(mm, 90)), _inside(alike)))
+            rows.append((name, kind, *centre_numbers(alike)))
     columns = ("drawing", "joints", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
     return PrintedTable("two drawings: by kind of joint", columns, rows, "As above.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,12 +13,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from guide_pages import REPOSITORY, anchors, blocks
 from simulated_hands import FITTED, SimulatedHand, simulated_hand
 from simulated_poses import write_poses
 from studies.running import copy_of_the_program
 
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
+from shukotsu.study.config_files import read_constants
 
 RUN = "import json, sys; from shukotsu.__main__ import main; sys.exit(any(map(main, json.load(sys.stdin))))"
 
@@ -136,3 +139,73 @@ def test_a_reader(folder: Path) -> None:
 def test_an_export(folder: Path, hand: SimulatedHand) -> None:
     (written,) = (folder / "exports").glob("*.frames")
     assert list(map(int, written.read_text().split())) == hand.motion(FITTED).frame.tolist()
+
+
+MODEL_ON_PAPER = REPOSITORY / "docs" / "whole-hand.md"
+NOT_OF_THE_FIT = {"JOINTWISE_SLIDE_SD_MM", "JOINTWISE_TILT_SD", "UNKNOWN_SLIDE_SD_MM", "DIP_BY_PIP_SD_DEG"}
+PRINT_MODEL = """
+import json, numpy as np
+from shukotsu.fit.chain import hand_model
+from shukotsu.hand import average_hand
+from shukotsu.study.layout import read_layout
+layout = read_layout("liberty16")
+worn = [name for name in layout.measured if not layout.segments[name].optional]
+model = hand_model(layout, worn, worn, np.zeros(3))
+y, at, moves = np.ones((1, len(model.states.names))), (np.eye(3)[None], np.zeros((1, 3))), {}
+for branch in model.branches:
+    reached = branch.reach(np.zeros(len(model.unknowns.names)), y, *at)
+    by_x = branch.by_unknown(branch.by_operation(reached, range(len(branch.marks))), y)[:, 0]
+    for mark, name in enumerate(branch.marks):
+        for unknown, moved in zip(branch.unknowns, by_x[mark].T):
+            moves[f"{name}: {model.unknowns.names[unknown]}"] = float(np.linalg.norm(moved[:3]))
+print(json.dumps(moves))
+"""
+"""By how many mm each unknown moves each bone and receiver, all joints bent by a radian."""
+
+
+def moves_of(program: Path) -> dict[str, float]:
+    environment = os.environ | {"PYTHONPATH": str(program)}
+    done = subprocess.run(
+        [sys.executable, "-c", PRINT_MODEL], cwd=program, env=environment, capture_output=True, check=True
+    )
+    return dict(json.loads(done.stdout))
+
+
+def test_the_changes_of_the_model_that_its_page_works_through(tmp_path: Path) -> None:
+    """A prior, a law of skin and an unknown: the page's edits, made in a copy, change that and no more."""
+    before, program = moves_of(REPOSITORY), copy_of_the_program(tmp_path / "program")
+    for block in blocks(MODEL_ON_PAPER, "diff"):
+        name, *lines = block.text.removeprefix("--- ").splitlines()
+        old, new = ("".join(f"{line[1:]}\n" for line in lines if line[0] == sign) for sign in "-+")
+        edit(program / name, old, new)
+    after, knuckle = moves_of(program), "bone index_proximal: index z direction"
+    assert after[knuckle] == pytest.approx(2 / 3 * before[knuckle])
+    assert after.pop("bone ring_middle: palm arch") == pytest.approx(1.5)
+    relaxed_rad = np.radians(25.0)
+    assert after.pop("receiver index_middle: skin swelling") == pytest.approx(0.3 * (1.0 - relaxed_rad))
+    same = {name for name in before if "direction" not in name}
+    assert {name: after[name] for name in same} == {name: pytest.approx(before[name]) for name in same}
+
+
+def test_the_page_has_every_sd_as_the_fit_has_it() -> None:
+    """Each row of its table against the numbers, and no sd of these is missing."""
+    rows = re.findall(r"^\| ([A-Z][A-Z_]+_?.*?) \| ([\d., ]+) \|", MODEL_ON_PAPER.read_text("utf-8"), re.M)
+    numbers, written = read_constants(REPOSITORY / "shukotsu" / "hand" / "average_hand.yaml"), set()
+    for what, values in rows:
+        names, parts = re.findall(r"[A-Z][A-Z_0-9]{3,}", what), re.findall(r"[a-z_]{3,}", what)
+        expected: list[float] = []
+        for name in filter(numbers.__contains__, names):
+            value = numbers[name]
+            expected += (
+                [value[part] for part in parts] if isinstance(value, dict) else np.ravel(value).tolist()
+            )
+            written.add(name)
+        assert not expected or [float(value) for value in values.split(", ")] == expected, what
+    assert {name for name in numbers if "_SD" in name} <= written | NOT_OF_THE_FIT
+
+
+def test_every_module_of_the_fit_names_its_sections() -> None:
+    there = {heading.partition("-")[0] for heading in anchors(MODEL_ON_PAPER)}
+    for module in (REPOSITORY / "shukotsu" / "fit").glob("*.py"):
+        (numbers,) = re.findall(r"docs/whole-hand\.md, (?:whose|sections?) (.*)\.", module.read_text("utf-8"))
+        assert set(re.findall(r"\d+", numbers)) <= there, module

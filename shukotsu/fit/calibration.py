@@ -1,4 +1,7 @@
-"""A hand's calibration: its recordings, thinned where they are long, and what was measured on it."""
+"""A hand's calibration: its recordings, thinned where they are long, and what was measured on it.
+
+On paper: docs/whole-hand.md, sections 5 and 7.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver."""
+"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver.
+
+On paper: docs/whole-hand.md, section 2.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +40,9 @@ from shukotsu.study.layout import Digit, Layout
 
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
+UNMODELLED = "unmodelled"
+"""Group of unknowns that lengths have beside what is fitted (section 8)."""
+
 _FINGER_JOINTS = 4
 """Joints of a digit that has a DIP joint."""
 
@@ -47,8 +53,9 @@ class HandModel:
 
     length, mount : of a bone, and its receiver's place (x, y, z) on it, by segment; axes : joint to its
     flexion axis in the frame marked `axis_frame`, centres : to the mark at its centre, centres_in_child :
-    without anatomy, to its centre in its child's receiver. anatomy : of the average digits, the thumb facing
-    as its receiver does.
+    without anatomy, to its centre in its child's receiver. knuckles : fingers to their MCP joint's place in
+    the hand's frame, to first order. scale : the hand's size. anatomy : of the average digits, the thumb
+    facing as its receiver does.
     """
 
     unknowns: Unknowns
@@ -61,6 +68,8 @@ class HandModel:
     axes: Mapping[str, Array]
     centres: Mapping[str, str]
     centres_in_child: Mapping[str, tuple[Amount, Amount, Amount]]
+    knuckles: Mapping[str, tuple[Amount, Amount, Amount]]
+    scale: Amount
     anatomy: Mapping[str, DigitAnatomy]
 
 
@@ -103,6 +112,8 @@ def hand_model(
         builder.axes,
         builder.centres,
         builder.centres_in_child,
+        builder.knuckles,
+        builder.scale,
         anatomy,
     )
 
@@ -157,21 +168,28 @@ class _DigitChain:
         self.axes = [back @ axis for back, axis in zip(self.above, anatomy.flexion_axes, strict=True)]
         self.rests = [back @ frame for back, frame in zip(self.above, self.frames, strict=True)]
         self.measured = [builder.layout.segments[segment].measured for segment in digit.segments]
+        self.lengths = [self._length(k) for k in range(len(digit.segments))]
+        for k, (segment, length) in enumerate(zip(digit.segments, self.lengths, strict=True)):
+            builder.length[segment] = builder.place(length, self._unmodelled_mm(k), UNMODELLED, segment)
 
     def steps(self) -> list[Step]:
         """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
         builder, name = self.builder, self.digit.name
-        steps: list[Step] = [
-            along(
-                axis, builder.place(builder.scale.times(at_mm), prior.BASE_SD_MM, "base", f"{name} {letter}")
-            )
-            for axis, at_mm, letter in zip(np.eye(3), self.anatomy.base_mm, "xyz", strict=True)
+        base_sd_mm = prior.THUMB_BASE_SD_MM if name == "thumb" else prior.BASE_SD_MM
+        base = [
+            builder.place(builder.scale.times(at_mm), base_sd_mm, "base", f"{name} {letter}")
+            for at_mm, letter in zip(self.anatomy.base_mm, "xyz", strict=True)
         ]
         roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD
-        for axis, sd, letter in zip(
-            self.frames[0].T, (roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True
-        ):
-            steps.append(about(axis, builder.free(0.0, sd, "direction", f"{name} {letter}")))
+        sds = zip((roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True)
+        turns = [builder.free(0.0, sd, "direction", f"{name} {letter}") for sd, letter in sds]
+        if name != "thumb":
+            broader = builder.shared(prior.PALM_BREADTH_SD, "breadth", "palm")
+            base[1] = base[1].plus(broader.times(float(self.anatomy.base_mm[1])))
+            turns[2] = turns[2].plus(broader.times(float(self.anatomy.directions[0, 1])))
+            builder.knuckles[name] = self._knuckle(base, turns)
+        steps: list[Step] = [along(axis, amount) for axis, amount in zip(np.eye(3), base, strict=True)]
+        steps += [about(axis, amount) for axis, amount in zip(self.frames[0].T, turns, strict=True)]
         steps.append(Mark(straight(name)))
         self.flexions = self._flexion_states()
         parent, before = self.digit.base, np.eye(3)
@@ -185,6 +203,16 @@ class _DigitChain:
                 builder.guesses.append(FirstGuess(self.flexions[joint], parent, segment, *turn))
             parent, before = segment, np.eye(3)
         return steps
+
+    def _knuckle(self, base: Sequence[Amount], turns: Sequence[Amount]) -> tuple[Amount, Amount, Amount]:
+        """Where the first bone ends in the hand's frame, to first order in its base, direction and length."""
+        length = self.lengths[0]
+        aside, down = (turn.times(length.constant) for turn in (turns[2], turns[1].times(-1.0)))
+        x, y, z = (
+            at.plus(length.times(along_x)).plus(aside.times(along_y)).plus(down.times(along_z))
+            for at, (along_x, along_y, along_z) in zip(base, self.frames[0].tolist(), strict=True)
+        )
+        return x, y, z
 
     def _flexion_states(self) -> dict[str, int]:
         """Add the flexion of every joint of the digit that moves, be it as little as CMC 2 and 3 do."""
@@ -206,7 +234,7 @@ class _DigitChain:
         skew = self.anatomy.second_axis if k == 0 else None
         second = None if skew is None else self.above[k] @ skew
         moved = _Joint(builder, joint, self.flexions.get(joint), self.axes[k], self.rests[k], second)
-        length = builder.length[segment] = self._length(k)
+        length = self.lengths[k]
         steps = [*moved.steps(), Mark(bone(segment))]
         builder.centres[joint] = bone(segment)
         if self.measured[k]:
@@ -230,6 +258,11 @@ class _DigitChain:
         length = builder.scale.times(float(self.anatomy.lengths_mm[k]))
         length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
         return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
+
+    def _unmodelled_mm(self, k: int) -> float:
+        """Sd of what is no part of the chain and yet of the bone's length, as sources mean it."""
+        part = "phalanx" if k else "thumb_metacarpal" if self.digit.name == "thumb" else "metacarpal"
+        return prior.UNMODELLED_LENGTH_MM[part]
 
     def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
         """The receiver of bone k: at mid-bone, driven by the joints beside it."""

@@ -2,6 +2,8 @@
 
 Unknowns (x) are in units of their prior's standard deviation, zero at its mean. States (y) are the joint
 angles of a frame, rad: zero when the digit is straight and lies flat in the hand.
+
+On paper: docs/whole-hand.md, sections 1 to 3.
 """
 
 from __future__ import annotations
@@ -154,6 +156,7 @@ class Builder:
         self.axes: dict[str, Array] = {}
         self.centres: dict[str, str] = {}
         self.centres_in_child: dict[str, tuple[Amount, Amount, Amount]] = {}
+        self.knuckles: dict[str, tuple[Amount, Amount, Amount]] = {}
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
         """An amount of its own, with that mean and sd."""
@@ -186,17 +189,23 @@ class Builder:
         how much less it turns than its place does. faces_anyhow : it may sit anywhere round its bone.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
+        sds_mm = prior.MOUNT_SD_MM
+        if habit is not None and self.layout.receiver_height_mm is not None:
+            sds_mm = (*sds_mm[:2], prior.HEIGHT_SD_MM)
         placed = [
-            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i)
+            self._put_on(at, sds_mm[i], "mount across" if i else "mount", segment, habit, i)
             for i, at in enumerate(position)
         ]
+        if habit is not None:
+            placed[2] = placed[2].plus(self._cover())
         self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
-            if i == 0 and faces_anyhow:
-                steps.append(about(axis, self.free(0.0, prior.FACING_SD_RAD, "facing", segment)))
+            if i == 0 and habit is not None:
+                sd = prior.FACING_SD_RAD if faces_anyhow else prior.ROUND_SD_RAD
+                steps.append(about(axis, self.free(0.0, sd, "facing", segment)))
         steps += lag
         for i, axis in enumerate(np.eye(3)):
             slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
@@ -207,6 +216,14 @@ class Builder:
                 skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
+
+    def _cover(self) -> Amount:
+        """By how much skin and housing of all receivers are higher than expected, which a drawing tells."""
+        height_mm = self.layout.receiver_height_mm
+        if height_mm is None:
+            return self.shared(prior.COVER_SD_MM, "cover", "receivers")
+        higher = Amount(height_mm - prior.HOUSING_MM, ())
+        return higher.plus(self.shared(prior.SKIN_COVER_SD_MM, "cover", "receivers"))
 
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int

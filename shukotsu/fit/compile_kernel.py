@@ -1,4 +1,7 @@
-"""Command line: compile what fitting and posing a hand need, once, so that no study waits for it."""
+"""Command line: compile what fitting and posing a hand need, once, so that no study waits for it.
+
+On paper: docs/whole-hand.md, section 6.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Residuals, normal equations and posing by the kernel, which reads chains as arrays."""
+"""Residuals, normal equations and posing by the kernel, which reads chains as arrays.
+
+On paper: docs/whole-hand.md, sections 5 and 6.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ six more unknowns of the same least squares, from which the hand's own unknowns,
 roots are eliminated (`Eliminated`). So what the fit has already bent to the displacement counts for it, and
 what joint angles or neighbours can explain as well does not. Nor does what skin may do: an offset that
 belongs to a posture and returns with it, or that fades within seconds.
+
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

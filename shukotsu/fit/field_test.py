@@ -4,6 +4,8 @@ Beside a steel plate every receiver is off by what belongs to where it is in the
 so that what one shows another must show as well. The error grows towards a source beside the hand, whose
 place is looked for; its six amounts are tested to first order as displacements of receivers are
 (`displacement_test`).
+
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ The fit knows where the last bone of a digit ends. What touches is skin: the sof
 pad under it. Each is off the end of the bone by an offset that no recording of receivers shows. Its mean and
 spread are those of people in general, until a touch says more (`touching`); then the offset and the unknowns
 of the hand are known together, with what they have in common.
+
+On paper: docs/whole-hand.md, section 7.
 """
 
 from __future__ import annotations

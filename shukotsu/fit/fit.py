@@ -4,6 +4,8 @@ How large residuals, misplacements and skin motion are in this hand are scales o
 each makes the unknowns of its group as large as its prior says, as far as the data determine them (the fixed
 point of the evidence; MacKay 1992). It is held to the literature's by very little: skin that does not move,
 or a tracker without noise, must not be believed to be there because it usually is.
+
+On paper: docs/whole-hand.md, sections 5 and 7.
 """
 
 from __future__ import annotations
@@ -14,11 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.fit.chain import HandModel, hand_model
+from shukotsu.fit.chain import UNMODELLED, HandModel, hand_model
 from shukotsu.fit.compiled_equations import Jacobian, pose, reduce, residuals, weighted_jacobians
 from shukotsu.fit.free_joints import free_joints
 from shukotsu.fit.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
-from shukotsu.fit.measurements import Measurement, observations, planes
+from shukotsu.fit.measurements import Measurement, breadth, observations, planes, side_by_side
 from shukotsu.fit.normal_equations import (
     Frames,
     Observations,
@@ -227,11 +229,13 @@ def fit_hand(
     convention = Convention.of(layout, receivers, hand)
     everything = convention.frames(concatenate_poses(recordings))
     frames, share = _choose_frames(everything, layout, convention.receivers, settings.n_frames)
-    scale = _scale(hand_length_mm, hand_breadth_mm)
+    scale = (1.0, prior.SCALE_SD)
+    if hand_length_mm is not None:
+        scale = hand_length_mm / prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH
     model = _model(layout, convention, everything, frames, scale)
     field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
-    every = observations(model, measurements), planes(model, layout, convention, frames)
-    measured = Observations(*(np.concatenate([getattr(o, n) for o in every]) for n in ("rows", "values")))
+    measured = observations(model, measurements).plus(planes(model, layout, convention, frames))
+    measured = measured.plus(breadth(model, hand_breadth_mm))
     problem = _problem(model, frames, measured, field)
     problem, solution = _solve_scales(problem, model, everything, settings)
     seen = {model.receivers[i] for i in np.flatnonzero(frames.valid.any(0))}
@@ -241,7 +245,7 @@ def fit_hand(
         solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
     evidence = Evidence(
-        layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
+        layout, model, convention, problem, posterior, posterior, share, solution.point.y, solution.converged
     )
     return HandFit(evidence, summarise(evidence), _residual_rms(problem, solution, model))
 
@@ -295,7 +299,7 @@ def _solve_scales(
     problem: Problem, model: HandModel, everything: Frames, settings: FitSettings
 ) -> tuple[Problem, Solution]:
     """Solve, find the scales that the hand shows, solve again; return the last problem and solution."""
-    published_sd = problem.sd
+    published_sd, measured = problem.sd, problem.observations
     average = np.zeros(len(problem.precision))
     start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
     closeness = [NEARLY] * settings.rounds + [CLOSE]
@@ -312,25 +316,10 @@ def _solve_scales(
         precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
         jacobians = weighted_jacobians(problem, point)
         sd = residual_sd(problem, solution.residuals, jacobians, reduced, published_sd)
-        problem = replace(problem, sd=sd, precision=precision)
+        held = measured.plus(side_by_side(model, point.x))
+        problem = replace(problem, sd=sd, precision=precision, observations=held)
         solution = solve(problem, point, settings.most_steps, close)
     return problem, solution
-
-
-def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, float]:
-    """Mean and sd of the hand's size: the population's, or what was measured."""
-    measured = [
-        (value / average, sd)
-        for value, average, sd in (
-            (length_mm, prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH),
-            (breadth_mm, prior.AVERAGE_BREADTH_MM, prior.SCALE_SD_BY_BREADTH),
-        )
-        if value is not None
-    ]
-    weight = np.array([1 / sd**2 for _, sd in measured])
-    if not measured:
-        return 1.0, prior.SCALE_SD
-    return float(weight @ [scale for scale, _ in measured] / weight.sum()), float(weight.sum() ** -0.5)
 
 
 def _choose_frames(
@@ -392,7 +381,8 @@ def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]
     """Lengths (B,), their covariance with the unknowns (B, G) and with each other (B, B)."""
     posterior, amounts = evidence.posterior, [evidence.model.length[name] for name in bones]
     rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
-    lengths = np.array([posterior.of_amount(amount)[0] for amount in amounts])
+    rows[:, np.array(evidence.model.unknowns.groups) == UNMODELLED] = 0.0  # which both hands are off by alike
+    lengths = np.array([amount.constant for amount in amounts]) + rows @ posterior.x
     with_unknowns = rows @ posterior.covariance
     return lengths, with_unknowns, with_unknowns @ rows.T
 

@@ -1,4 +1,7 @@
-"""Any recording posed with a fitted hand: joint angles, every bone, every fingertip."""
+"""Any recording posed with a fitted hand: joint angles, every bone, every fingertip.
+
+On paper: docs/whole-hand.md, section 11.
+"""
 
 from __future__ import annotations
 

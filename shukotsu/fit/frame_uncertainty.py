@@ -7,6 +7,8 @@ numbers, from which the error of anything posed follows: a centre, an angle, a t
 
 The map changes slowly with posture, and at once with the receivers. So it is made for a few postures of every
 set of valid receivers, and each frame takes that of the nearest.
+
+On paper: docs/whole-hand.md, sections 8 and 11.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from shukotsu.fit.fingertips import Fingertips, square_root
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.fit.normal_equations import Frames, Point
 from shukotsu.fit.operations import Branch, Index
-from shukotsu.fit.posterior_summary import unshown_mm2
+from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.fit.touches import SKIN_SD_MM
 from shukotsu.hand import average_hand as prior
@@ -47,7 +49,10 @@ the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.
 It is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well
 as it knows the bones; and none turns about its own bone at zero."""
 
-PUT_ON = ("mount", "mount turn", "mount habit", "mount turn habit")
+PUT_ON = (
+    *("mount", "mount across", "mount turn", "facing"),
+    *("mount habit", "mount across habit", "mount turn habit"),
+)
 """Groups of unknowns that are others when the receivers are put on anew."""
 
 _NEW_SHARE = 0.5
@@ -233,8 +238,13 @@ def _errors(postures: Postures, frames: Frames) -> PosedErrors:
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
     neutral_deg = _neutral_sd_deg(postures.tips)
+    joint_of = {joint.child: joint.name for joint in postures.tips.fit.evidence.layout.joints.values()}
+    more_mm2 = [
+        3.0 * unmodelled_mm2(joint_of.get(name, ""), postures.tips.fit.evidence)
+        for name in postures.posed.bones
+    ]
     return PosedErrors(
-        _norm(spread.shift_mm),
+        np.sqrt(_norm(spread.shift_mm) ** 2 + more_mm2),
         np.degrees(_norm(spread.turn_rad)),
         {
             joint: np.sqrt(_norms(maps) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)
@@ -411,7 +421,9 @@ def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array
         seen = frames.valid[:, model.receivers.index(tip.receiver)]
         for part, covariance_mm2 in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
             carried = np.sqrt(np.trace(covariance_mm2) + skin)
-            by_bone = _norm(_end(tips, posed, spread, tips.fit.evidence.layout.digits[digit], part))
+            chain = tips.fit.evidence.layout.digits[digit]
+            by_bone = _norm(_end(tips, posed, spread, chain, part))
+            by_bone = np.sqrt(by_bone**2 + 3.0 * unmodelled_mm2(chain.joints[-1], tips.fit.evidence))
             out[:, index, part] = np.where(seen, carried, by_bone)
     return out
 

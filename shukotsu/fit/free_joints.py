@@ -7,6 +7,8 @@ Where on its axis a hinge has its centre, its motion does not say. What turns of
 turns a receiver where it sits; were it a turn of the joint, a degree of skin would seem to fix the centre to
 8 mm, which is 23 mm off (simulated). So the sd along the axis is that of the layout's plane
 (`measurements.planes`), or of the reach where it gives none.
+
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 The posterior's covariance after a linear observation does not depend on what is observed, only on how well:
 P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
 fingertip, is tried on the covariance alone, all at once.
+
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from shukotsu.fit.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
 from shukotsu.fit.measurements import MOUNT_PARTS, Measurement, observations
 from shukotsu.fit.posterior import Evidence, centre_by_unknowns, places_of
-from shukotsu.fit.posterior_summary import unshown_mm2
+from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.touches import SKIN_SD_MM
 from shukotsu.hand.known_digits import root_of
 from shukotsu.hand.measured import measured_in
@@ -105,6 +107,7 @@ def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
     centres[..., : by_x.shape[-1]] = by_x
     halves = [((j.parent_segment, j.parent_mm), (j.child_segment, j.child_mm)) for j in joints]
     bent = np.array([[float(np.trace(unshown_mm2(*half, evidence))) for half in both] for both in halves])
+    bent += [[3.0 * unmodelled_mm2(j.name, evidence)] for j in joints]
     flat = centres.reshape(-1, len(P))
     variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
     PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric

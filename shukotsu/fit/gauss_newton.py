@@ -1,4 +1,7 @@
-"""Damped Gauss-Newton: over the joint angles of frames (inverse kinematics), and over the hand as well."""
+"""Damped Gauss-Newton: over the joint angles of frames (inverse kinematics), and over the hand as well.
+
+On paper: docs/whole-hand.md, section 6.
+"""
 
 from __future__ import annotations
 

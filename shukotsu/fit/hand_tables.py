@@ -1,4 +1,7 @@
-"""The tables of a fitted hand; rows of its joints, bones, receivers and gains, all but the part's keys."""
+"""The tables of a fitted hand; rows of its joints, bones, receivers and gains, all but the part's keys.
+
+On paper: docs/whole-hand.md, section 8.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +37,7 @@ FIT: Mapping[str, Table] = {
     "receivers": catalogue.RECEIVERS,
     "moved_receivers": catalogue.MOVED_RECEIVERS,
     "gains": catalogue.GAINS,
+    "length_pulls": catalogue.LENGTH_PULLS,
     "joint_angles": catalogue.JOINT_ANGLES,
     "bone_poses": catalogue.BONE_POSES,
     "posed_tips": catalogue.POSED_TIPS,

@@ -5,6 +5,8 @@ instructions. Names are those of `operations` and `normal_equations`, which say 
 a branch's residuals, six of each receiver; columns of derivatives : root, then unknowns.
 
 Numba keeps compiled code until this file changes, so constants and types that it reads are defined here.
+
+On paper: docs/whole-hand.md, sections 4 to 6.
 """
 
 from __future__ import annotations

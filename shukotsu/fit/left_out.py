@@ -1,4 +1,7 @@
-"""Leave out of a calibration where receivers were displaced in it: only what makes centres worse."""
+"""Leave out of a calibration where receivers were displaced in it: only what makes centres worse.
+
+On paper: docs/whole-hand.md, section 11.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,8 @@ A receiver may come loose at once or slide slowly; beside metal all receivers ar
 receiver is tested for a displacement (`displacement_test`) and the room for metal (`field_test`). Where no
 metal explains it better, the likeliest displacement is solved for together with the hand and put back, and so
 on until nothing abnormal is left.
+
+On paper: docs/whole-hand.md, section 11.
 """
 
 from __future__ import annotations

@@ -1,9 +1,13 @@
-"""Use measurements on the hand itself: bones with a calliper, receivers against the joints."""
+"""Use measurements on the hand itself: bones with a calliper, receivers against the joints.
+
+On paper: docs/whole-hand.md, section 5.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,11 +18,16 @@ from shukotsu.fit.normal_equations import Frames, Observations
 from shukotsu.fit.receiver_frames import Convention
 from shukotsu.hand import average_hand as prior
 from shukotsu.hand.known_digits import known_digits, root_of
+from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Joint, Layout
+from shukotsu.study.verdict import LEAST_KNUCKLES_MM
 
 PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
 """Sd of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
 which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
+
+FINGERS, KNUCKLES_SD_MM = ("index", "middle", "ring", "little"), 1.0
+"""Neighbours in order, and how sharply they keep their least distance: data that insist are reported."""
 
 MOUNT_PARTS = ("along", "lateral", "height")
 """Parts of a receiver's place on its bone: x, y, z of the bone."""
@@ -60,6 +69,41 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
         rows.append(amount.row(len(model.unknowns.names)) / measured.sd_mm)
         values.append((measured.value_mm - amount.constant) / measured.sd_mm)
     return Observations.of(rows, values, len(model.unknowns.names))
+
+
+def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
+    """Breadth over skin: the knuckles of index and little finger, and flesh that grows with the hand."""
+    if breadth_mm is None or not model.length:
+        return Observations.of([], [], len(model.unknowns.names))
+    over_skin = model.scale.times(prior.AVERAGE_BREADTH_MM)
+    if {"index", "little"} <= {*model.knuckles}:
+        span = _apart(model, "index", "little")
+        over_skin = over_skin.plus(model.scale.times(-span.constant / model.scale.constant)).plus(span)
+    row = over_skin.row(len(model.unknowns.names)) / prior.BREADTH_SD_MM
+    return Observations.of([row], [(breadth_mm - over_skin.constant) / prior.BREADTH_SD_MM], len(row))
+
+
+def side_by_side(model: HandModel, x: Array) -> Observations:
+    """Hold apart the neighbouring knuckles that these unknowns (G,) have nearer than bones are thick."""
+    names, rows, values = [name for name in FINGERS if name in model.knuckles], [], []
+    for first, second in pairwise(names):
+        apart = _apart(model, first, second)
+        row = apart.row(len(x)) / KNUCKLES_SD_MM
+        least = (LEAST_KNUCKLES_MM - apart.constant) / KNUCKLES_SD_MM
+        if row @ x < least:
+            rows.append(row)
+            values.append(least)
+    return Observations.of(rows, values, len(x))
+
+
+def _apart(model: HandModel, first: str, second: str) -> Amount:
+    """Distance of two fingers' knuckles, along the line between them in the average hand."""
+    ends = list(zip(model.knuckles[first], model.knuckles[second], strict=True))
+    between = unit(np.array([near.constant - far.constant for near, far in ends]))
+    whole = Amount(0.0, ())
+    for (near, far), share in zip(ends, between.tolist(), strict=True):
+        whole = whole.plus(near.times(share)).plus(far.times(-share))
+    return whole
 
 
 def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:

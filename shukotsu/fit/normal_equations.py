@@ -5,6 +5,8 @@ root pose. A frame's states enter only the receivers of their own branch, so tha
 eliminated first, then the root, then what is left is one dense system in x (Schur complement).
 
 What it is made of; what runs is compiled (`compiled_equations`).
+
+On paper: docs/whole-hand.md, sections 4 to 6.
 """
 
 from __future__ import annotations
@@ -113,6 +115,12 @@ class Observations:
     def of(cls, rows: Sequence[Array], values: Sequence[float], n_unknowns: int) -> Observations:
         """Return observations of one row (G,) each."""
         return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
+
+    def plus(self, other: Observations) -> Observations:
+        """Both."""
+        return Observations(
+            np.concatenate([self.rows, other.rows]), np.concatenate([self.values, other.values])
+        )
 
 
 @dataclass(frozen=True)

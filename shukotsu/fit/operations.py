@@ -4,6 +4,8 @@ A bone is reached from the root by rotations about and translations along consta
 is linear in the unknowns of the hand (x), in the joint angles of a frame (y), or in products of one of each.
 Then every derivative is a cross product: an operation at origin t_i with axis w, both in the root's frame,
 moves a point at t by w x (t - t_i) and turns it by w when it rotates; by w and not at all when it translates.
+
+On paper: docs/whole-hand.md, section 2.
 """
 
 from __future__ import annotations

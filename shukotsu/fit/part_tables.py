@@ -1,4 +1,7 @@
-"""One skeleton of a hand under a model that fits it whole: fitted, and every recording posed with it."""
+"""One skeleton of a hand under a model that fits it whole: fitted, and every recording posed with it.
+
+On paper: docs/whole-hand.md, sections 7 and 10.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +32,7 @@ from shukotsu.fit.hand_tables import (
     moved_rows,
     receiver_rows,
 )
+from shukotsu.fit.length_pulls import pull_rows
 from shukotsu.fit.loose_receivers import NORMAL, LooseReceiver, moved_in
 from shukotsu.fit.operations import Index
 from shukotsu.hand.known_digits import known_digits
@@ -76,7 +80,7 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     recorded = dict(tables)
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
     if not usable_poses([plan.poses(recording) for recording in calibration])[0]:
-        for name in ("receivers", "moved_receivers", "gains"):
+        for name in ("receivers", "moved_receivers", "gains", "length_pulls"):
             recorded.pop(name).rows(part, [])
     return list(recorded.values())
 
@@ -95,6 +99,7 @@ def write_part(
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
     tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
     tables["gains"].rows(part, gains(tips) if weighed else [])
+    tables["length_pulls"].rows(part, pull_rows(tips.fit.evidence) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating, tasks = (

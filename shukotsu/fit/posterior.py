@@ -3,6 +3,8 @@
 The mean posture is the mean over the recording of every joint angle. A joint centre is stated where it was
 there, in the receiver's frame as the receiver rode on the skin: how skin moved a receiver from where it sits
 on a straight digit is an extrapolation that no recording shows.
+
+On paper: docs/whole-hand.md, sections 7 and 8.
 """
 
 from __future__ import annotations
@@ -52,13 +54,17 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad."""
+    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad.
+
+    alone : the posterior before the other hand and touches had a say.
+    """
 
     layout: Layout
     model: HandModel
     convention: Convention
     problem: Problem
     posterior: Posterior
+    alone: Posterior
     share: Array
     states: Array
     converged: bool

@@ -1,4 +1,7 @@
-"""Summarise a fitted hand: joint centres, axes, bones and the wrist, each with its uncertainty."""
+"""Summarise a fitted hand: joint centres, axes, bones and the wrist, each with its uncertainty.
+
+On paper: docs/whole-hand.md, section 8.
+"""
 
 from __future__ import annotations
 
@@ -126,11 +129,20 @@ def summarise(evidence: Evidence) -> HandSummary:
         still = np.zeros((3, len(evidence.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
         fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, evidence)
-    bones = {
-        segment: FittedBone(*evidence.posterior.of_amount(length))
-        for segment, length in evidence.model.length.items()
-    }
+    lengths = evidence.model.length.items()
+    bones = {segment: FittedBone(*evidence.posterior.of_amount(length)) for segment, length in lengths}
     return HandSummary(joints, lone, palm, fixed, bones, angle_axes(evidence, places))
+
+
+def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
+    """Variance per direction, mm^2, of a joint's centre beside all that is fitted; 0 without anatomy."""
+    for digit in known_digits(evidence.layout):
+        if joint in digit.joints:
+            if evidence.layout.joints[joint].dof == 1 and joint != digit.joints[0]:
+                return prior.UNMODELLED_MM["hinge"] ** 2
+            compound = joint == digit.joints[0] or digit.name in prior.COMPOUND_DIGITS
+            return prior.UNMODELLED_MM["compound" if compound else "mcp"] ** 2
+    return 0.0
 
 
 def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
@@ -169,6 +181,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         if segment in model.receivers:
             own_mm = convention.point_matrix(segment) @ points[segment]
             covariance[half, half] += unshown_mm2(segment, own_mm, evidence)
+    covariance += np.kron(np.eye(2), unmodelled_mm2(joint.name, evidence) * np.eye(3))
     axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
     flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
     range_deg = angle_range(np.degrees(flexion), flattening(flexion))
@@ -205,6 +218,7 @@ def _anatomical_joint(
     half = slice(3 * side, 3 * side + 3)
     covariance, nothing = np.zeros((6, 6)), np.full(3, np.nan)
     covariance[half, half] = by_x @ evidence.posterior.covariance @ by_x.T
+    covariance[half, half] += unmodelled_mm2(joint, evidence) * np.eye(3)
     centres = [nothing, nothing]
     centres[side] = evidence.convention.point(segment, seen[0])
     return FittedJoint(

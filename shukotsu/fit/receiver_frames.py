@@ -1,4 +1,7 @@
-"""From pose tables to the frames that are fitted: one convention for every receiver, a right hand always."""
+"""From pose tables to the frames that are fitted: one convention for every receiver, a right hand always.
+
+On paper: docs/whole-hand.md, sections 1 and 5.
+"""
 
 from __future__ import annotations
 

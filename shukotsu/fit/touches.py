@@ -7,6 +7,8 @@ conditioning, linearised a few times at what it leads to (the iterated Kalman up
 A touch is one observation however many frames it lasts. What is wrong with it, the skin under the receiver,
 the field, the finger's place on the point, stays the same while it lasts; only the tracker's noise averages,
 and that is a tenth of a millimetre. Pads that meet are found in opposition from poses alone.
+
+On paper: docs/whole-hand.md, section 7.
 """
 
 from __future__ import annotations

@@ -134,6 +134,45 @@ def believed_counts(rows: Iterable[Row]) -> str:
     return tr(", ").join(f"{tr(each)} {counts[each]}" for each in BELIEFS if counts[each]) or tr(NO_JOINT)
 
 
+NEAR_TIMES = 1.25
+"""So many times wanted_mm a stated error may be for one measurement or movement to be looked for."""
+
+
+def near_lines(rows: Iterable[Row], gains: Sequence[Row], layout: Layout) -> list[str]:
+    """Return what a hand's joints serve for that are known a little less well than wanted, and what mends it.
+
+    rows : of joint_centres; gains : of the same hand.
+    """
+    near, wanted_mm = [], layout.wanted_mm
+    for row in rows:
+        only = set(verdict.doubts_of(row)) <= {verdict.UNCERTAIN, verdict.ONE_WAY, verdict.AXIS}
+        if layout.is_hand and row["sd_mm"] is not None and only:
+            near += [row["joint"]] * (wanted_mm < row["sd_mm"] <= NEAR_TIMES * wanted_mm)
+    if not near:
+        return []
+    mended = {row["joint"]: row for row in reversed(gains) if row["joint_sd_after_mm"] <= wanted_mm}
+    lines = [
+        tr(
+            "{joints}: known to {wanted_mm:g} to {most_mm:g} mm (1 sigma, 3-D). That serves for angles, "
+            "ranges of motion and the comparison of groups; not for moment arms, which are some 10 mm at a "
+            "finger.",
+            joints=listed(near),
+            wanted_mm=wanted_mm,
+            most_mm=NEAR_TIMES * wanted_mm,
+        ),
+        *gain_lines([mended[joint] for joint in near if joint in mended]),
+    ]
+    if others := [joint for joint in near if joint not in mended]:
+        lines.append(
+            tr(
+                "What betters {joints}: a further calibration in which they bend slowly over their whole "
+                "range, the palm at rest, or two measurements together.",
+                joints=listed(others),
+            )
+        )
+    return lines
+
+
 MOST_GAINS = 3
 
 _PARTS = {

@@ -56,6 +56,8 @@ in its column alone.
 FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
 
+HALVES_WITHIN_95 = ("within_95", "parent_within_95")
+
 
 class SkeletonLabel(NamedTuple):
     """A model with the tasks that it was made from, or a reference, which was made from none."""
@@ -183,7 +185,9 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         quantile(heading("bone_error_percent"), 0.5, "bone_error_percent"),
         PageColumn(
             tr("In the stated 95 % [%]"),
-            lambda each: _percent([row["within_95"] for row in each[1] if row["within_95"] is not None]),
+            lambda each: _percent(
+                [row[half] for row in each[1] for half in HALVES_WITHIN_95 if row[half] is not None]
+            ),
         ),
     )
     caption = tr("Joints against the true ones, both hands: {who}. Axis, bone length: medians.", who=who)

@@ -24,11 +24,12 @@ from shukotsu.report.table_cells import (
     title,
     with_error,
 )
+from shukotsu.scores.agreement import times_expected
 from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import rows_of
-from shukotsu.translation import ngettext, tr, translated, word
+from shukotsu.translation import N_, ngettext, tr, translated, word
 
 _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 
@@ -68,9 +69,32 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
         (RowBlock((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
-        () if names else (tr("No bone length was computed."),),
+        agreement_notes(results, model) if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
     )
+
+
+_KNOWN_TWICE = {
+    "session": N_("Bones found in two sessions differ by {times} times what was expected ({n} pairs)."),
+    "hand": N_("Bones of the right and the left hand differ by {times} times what was expected ({n} pairs)."),
+    "recording": N_(
+        "Bones found in two recordings of a session differ by {times} times what was expected ({n} pairs)."
+    ),
+}
+
+
+def agreement_notes(results: StudyResults, model: str) -> tuple[str, ...]:
+    """Say how far bones that are known twice differ, over what was expected, and what that cannot show."""
+    times = times_expected(row for row in results.agreement if row["model"] == model)
+    notes = [tr(_KNOWN_TWICE[across], times=number(t, 1), n=n) for across, (t, n) in times.items()]
+    if notes:
+        notes.append(
+            tr(
+                "1 is expected where the stated errors are right. An error that is the same each time, "
+                "of the average hand or of this person's skin, shows in none of these."
+            )
+        )
+    return tuple(notes)
 
 
 def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:

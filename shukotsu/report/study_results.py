@@ -41,6 +41,7 @@ _ROWS_OF = {
     "joint_errors": "joint_errors",
     "receivers": "receivers",
     "gains": "gains",
+    "agreement": "agreement",
     "model_values": "model_values",
     "model_differences": "model_differences",
 }
@@ -97,6 +98,7 @@ class StudyResults:
     joint_errors: list[Row]
     receivers: list[Row]
     gains: list[Row]
+    agreement: list[Row]
     model_values: list[Row]
     model_differences: list[Row]
 

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from shukotsu import command_line
 from shukotsu.errors import InputError
 from shukotsu.report import provenance
-from shukotsu.report.belief import believed_counts, gain_lines, joint_table
+from shukotsu.report.belief import believed_counts, gain_lines, joint_table, near_lines
 from shukotsu.report.figures.panels import hand_panel, page_picture, taken_failures
 from shukotsu.report.figures.study_figures import lengths_panel
 from shukotsu.report.judged_models import numbers_texts, used_text
@@ -74,6 +74,7 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
     """A hand: its picture, its joints under every model, the leading one's first; what to record next."""
     model = results.leading
     caption, still = _still(results, hand)
+    rows, gains = (of.get((hand, model), []) for of in (results.joints_of, results.gains_of))
     tables = [
         Folded(
             f"{name}: {believed_counts(results.joints_of.get((hand, name), []))}",
@@ -87,7 +88,8 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
         "still": still,
         "leading": tables[0],
         "others": tables[1:],
-        "next": gain_lines(results.gains_of.get((hand, model), [])),
+        "near": near_lines(rows, gains, results.layouts[hand]),
+        "next": gain_lines(gains),
     }
 
 

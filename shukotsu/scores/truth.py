@@ -17,7 +17,8 @@ from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posed_recording import QUATERNION
 from shukotsu.hand.rotations import Array, rotate, unit
 from shukotsu.study.layout import Layout
-from shukotsu.study.verdict import NOT_WORN, RADIUS_SD
+from shukotsu.study.stated_error import halves_mm2, is_within_95
+from shukotsu.study.verdict import NOT_WORN
 from shukotsu.tables.catalogue import BONE_LENGTHS, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS, TIPS
 from shukotsu.tables.parts import numbers_by_name
 from shukotsu.tables.poses import Poses, RecordingName
@@ -316,35 +317,25 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
 
 
 def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
-    """Errors of one joint centre and its axis.
-
-    Parameters
-    ----------
-    estimated, true : mapping
-        Rows of joint_centres.
-
-    Returns
-    -------
-    dict
-        Columns of joint_errors: error_mm, along_mm and across_mm in the child's receiver frame; within_95
-        refers to the worse of both halves, as sd_mm does.
-
-    """
+    """Errors of one joint by its rows of joint_centres; each half is held against its own covariance."""
     child, parent = (
         vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")
     )
     axis, estimated_axis = (vector_of(row, "axis_child_") for row in (true, estimated))
-    sine, cosine = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
-    axis_deg = float(np.degrees(np.arctan2(sine, cosine)))  # the sign of an axis is arbitrary
-    both = float(np.linalg.norm(child)), float(np.linalg.norm(parent))
+    turned = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
+    axis_deg = float(np.degrees(np.arctan2(*turned)))  # whichever way they point
     sd_mm = estimated["sd_mm"]
-    within = None if sd_mm is None or np.isnan(both).all() else bool(np.nanmax(both) <= RADIUS_SD * sd_mm)
+    stated: list[bool | None] = [None, None]
+    if sd_mm is not None:
+        halves = halves_mm2(estimated.get("covariance_mm2"), sd_mm)
+        stated = [is_within_95(off, half) for off, half in zip((parent, child), halves, strict=True)]
     return {
-        "error_mm": both[0],
+        "error_mm": float(np.linalg.norm(child)),
         "along_mm": float(abs(child @ axis)),
         "across_mm": float(np.linalg.norm(np.cross(child, axis))),
-        "parent_error_mm": both[1],
+        "parent_error_mm": float(np.linalg.norm(parent)),
         "axis_deg": axis_deg if true["dof"] == 1 else None,
         "sd_mm": sd_mm,
-        "within_95": within,
+        "within_95": stated[1],
+        "parent_within_95": stated[0],
     }

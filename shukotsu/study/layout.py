@@ -113,7 +113,8 @@ class Wrist:
 @dataclass(frozen=True)
 class Layout:
     """One layout file, read and checked. wanted_mm : the largest 1-sigma error, in 3-D, of a joint's centre
-    that is to be believed.
+    that is to be believed. receiver_height_mm : of the tracked point over its receiver's base; None where it
+    is not named.
     """
 
     name: str
@@ -123,6 +124,7 @@ class Layout:
     digits: Mapping[str, Digit]
     wrist: Wrist | None
     wanted_mm: float = FINGER_MM
+    receiver_height_mm: float | None = None
 
     @property
     def is_hand(self) -> bool:
@@ -190,7 +192,8 @@ def layout_from_config(config: dict[str, Any], where: str) -> Layout:
     if wrist is None and any(not segments[d.segments[0]].measured for d in digits.values()):
         raise InputError(f"{where}: a digit starts with an unmeasured segment, so the layout needs a wrist")
     layout = Layout(config["layout"], config["description"], segments, joints, digits, wrist)
-    return replace(layout, wanted_mm=config["wanted_mm"] or (FINGER_MM if layout.is_hand else ARM_MM))
+    wanted_mm = config["wanted_mm"] or (FINGER_MM if layout.is_hand else ARM_MM)
+    return replace(layout, wanted_mm=wanted_mm, receiver_height_mm=config["receiver_height_mm"])
 
 
 def _vector(values: list[float]) -> Vector:

@@ -35,6 +35,7 @@ FIT_TABLES = (
     "receivers",
     "moved_receivers",
     "gains",
+    "length_pulls",
     "joint_angles",
     "bone_poses",
     "posed_tips",
@@ -59,7 +60,7 @@ GATHERED_TABLES = {
 }
 """Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""
 
-STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems")
+STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems", "agreement")
 
 MODEL_COMPARISONS = ("model_values", "model_pairs", "model_differences")
 """How the study's models compare over its subjects, made from its tables."""

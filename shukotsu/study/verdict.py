@@ -2,8 +2,8 @@
 
 What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
 what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
-95 % radius is RADIUS_SD times sd_mm, so what is believed on a finger is within 3.2 mm. A doubt is a kind and
-numbers; some allow no better verdict than "care" or "no", others are only told.
+95 % radius is 1.61 (a ball) to 1.96 (a line) times sd_mm, so what is believed on a finger is within 3.2 to
+3.9 mm. A doubt is a kind and numbers; some allow no better verdict than "care" or "no", others are only told.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.study.stated_error import halves_mm2, radius_95_mm
+
 BELIEVE, CARE, NO = "believe", "care", "no"
 VERDICTS = (BELIEVE, CARE, NO)
 """From good to bad."""
-
-RADIUS_SD = 1.614
-"""95 % of a three-dimensional error lie within this many sd_mm, if it is as large in every direction."""
 
 CARE_TIMES = 3.0
 """So many times wanted_mm a stated error may be for a centre to be of use: 95 % within 10 mm on a finger."""
@@ -177,12 +176,10 @@ def _error(sd_mm: Any, covariance_mm2: Any, wanted_mm: float) -> dict[str, Value
         return {NO_ERROR: {}}
     if sd <= wanted_mm:
         return {}
-    values = {"sd_mm": sd, "radius_95_mm": RADIUS_SD * sd, "wanted_mm": wanted_mm}
-    worst_mm = 0.0  # in its worst direction, of the half that is known less well
-    if covariance_mm2 is not None:
-        whole = np.reshape(np.asarray(covariance_mm2, float), (6, 6))
-        halves = [half for half in (whole[:3, :3], whole[3:, 3:]) if np.isfinite(half).all()]
-        worst_mm = float(np.sqrt(max([np.linalg.eigvalsh(half)[-1] for half in halves] or [0.0])))
+    halves = [half for half in halves_mm2(covariance_mm2, sd) if np.isfinite(half).all()]
+    half = max(halves or halves_mm2(None, sd), key=np.trace)  # that which is known less well
+    values = {"sd_mm": sd, "radius_95_mm": radius_95_mm(half), "wanted_mm": wanted_mm}
+    worst_mm = float(np.sqrt(max(np.linalg.eigvalsh(each)[-1] for each in halves or [half])))
     if worst_mm**2 > ONE_DIRECTION * sd**2:
         return {ONE_WAY: {**values, "worst_mm": worst_mm}}
     return {UNCERTAIN: values}

@@ -12,6 +12,7 @@ import pyarrow as pa
 from shukotsu.checks.checked_subject import copies
 from shukotsu.errors import INTERNAL
 from shukotsu.resources import PROGRAM, VERSION
+from shukotsu.scores.agreement import agreement
 from shukotsu.study.config_files import REFERENCE, read_config, yaml_text
 from shukotsu.study.findings import NOTE, REFUSED, STAGE, finding_of_text, problem_row
 from shukotsu.study.layout import read_layout
@@ -21,6 +22,7 @@ from shukotsu.study.results import GATHERED_TABLES, Results
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
 from shukotsu.study.study import Study, columns_handed_on, correction_problems, unmatched_rows
 from shukotsu.tables.catalogue import (
+    AGREEMENT,
     FINDINGS,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
@@ -94,7 +96,11 @@ def gather_study(study: Study, results: Results) -> None:
     provenance = Provenance.of(list(study.sheets.values()))
     key = ("subject", "session", "hand", "task", "model", "message")
     unique = list({tuple(row[name] for name in key): row for row in reversed(problems)}.values())[::-1]
-    for table, table_rows in ((_with_further_columns(study, recordings), recordings), (PROBLEMS, unique)):
+    for table, table_rows in (
+        (_with_further_columns(study, recordings), recordings),
+        (PROBLEMS, unique),
+        (AGREEMENT, agreement(plans)),
+    ):
         write_table(results.study_table(table.name), table, columns_from_rows(table, table_rows), provenance)
 
 

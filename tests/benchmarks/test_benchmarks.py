@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks import two_drawings
+from benchmarks import sources, two_drawings
 from benchmarks.null_studies import any_shown, numbers
 from benchmarks.two_drawings import OTHER, OWN, errors_table, one_hand
+from shukotsu.hand import drawn_hands
 from shukotsu.scores.paired_statistics import group_difference, sign_flip_p
 
 STUDIES = 600
@@ -32,8 +35,23 @@ def test_a_hand_is_held_against_its_truth(drawing: str, monkeypatch: pytest.Monk
     monkeypatch.setattr(two_drawings, "DURATION_S", 8.0)  # a third of the time
     joints, lengths = one_hand(drawing, 3)
     assert len(joints) == 15
-    assert {kind for _, kind, *_ in lengths} == {"metacarpal", "proximal", "middle"}
+    assert {length.bone.split("_")[1] for length in lengths} == {"metacarpal", "proximal", "middle"}
     assert 0.3 < np.median([joint.child_mm for joint in joints]) < 2.0
     (row,) = errors_table(joints, lengths).rows
-    assert row[10] == pytest.approx(100 * sum(joint.believed for joint in joints) / 15)
-    assert row[10] > 40
+    assert row[11] == pytest.approx(100 * sum(joint.believed for joint in joints) / 15)
+    assert row[11] > 40
+
+
+@pytest.mark.parametrize("source", drawn_hands.SOURCES)
+def test_a_prior_without_a_source_has_nothing_of_its_lengths(
+    source: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever that source says, the prior made without it has the same lengths; one with it has not."""
+    other = next(name for name in drawn_hands.SOURCES if name != source)
+    before = [sources.prior_without(name)["index"].lengths_mm for name in (source, other)]
+    index = drawn_hands.SOURCES[source]["index"]
+    longer = {**drawn_hands.SOURCES[source], "index": replace(index, lengths_mm=2.0 * index.lengths_mm)}
+    monkeypatch.setitem(drawn_hands.SOURCES, source, longer)
+    after = [sources.prior_without(name)["index"].lengths_mm for name in (source, other)]
+    np.testing.assert_array_equal(after[0], before[0])
+    assert (after[1] > 1.1 * before[1]).all()

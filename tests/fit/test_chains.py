@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from shukotsu.fit.chain import HandModel, hand_model
 from shukotsu.fit.compiled_equations import pose, reduce
 from shukotsu.fit.gauss_newton import solve
+from shukotsu.fit.measurements import side_by_side
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs, states_by_unknowns
 from shukotsu.fit.posterior import Posterior
 from shukotsu.fit.receiver_frames import spread_frames
@@ -55,6 +56,25 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
         np.full(n_x, 0.8),
         Observations(rng.normal(size=(2, n_x)), rng.normal(size=2)),
     )
+
+
+def test_a_palm_of_another_breadth(layout: Layout) -> None:
+    """Knuckles are where the chain has them, spread with the breadth, and are held as far apart as bones."""
+    model, at = model_of(layout), (np.eye(3)[None], np.zeros((1, 3)))
+    narrow = np.zeros(len(model.unknowns.names))
+    narrow[model.unknowns.names.index("palm breadth")] = -0.5
+    for branch in model.branches:
+        reached = branch.reach(narrow, np.zeros((1, len(model.states.names))), *at)
+        for name, amounts in model.knuckles.items():
+            if (mark := f"bone {name}_proximal") in branch.marks:
+                first_order = [amount.constant + amount.row(len(narrow)) @ narrow for amount in amounts]
+                joint_mm = reached.position_mm[branch.marks.index(mark), 0]
+                np.testing.assert_allclose(joint_mm, first_order, atol=0.2)
+    assert len(side_by_side(model, narrow).rows) == 0
+    near = side_by_side(model, 14 * narrow)
+    assert len(near.rows) == 2  # the little finger lies lower than the ring finger
+    closest = near.rows.T @ np.linalg.solve(near.rows @ near.rows.T, near.values)
+    assert [len(side_by_side(model, share * closest).rows) for share in (0.99, 1.01)] == [0, 2]
 
 
 def test_states_follow_the_unknowns(layout: Layout) -> None:

@@ -11,6 +11,8 @@ from simulated_poses import recorded
 from shukotsu.fit.compiled_equations import pose, reduce
 from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.gauss_newton import first_guess, solve
+from shukotsu.fit.measurements import Measurement
+from shukotsu.hand.average_hand import UNMODELLED_LENGTH_MM
 from shukotsu.hand.rotations import exp_rotation
 from shukotsu.paper.closed import solve_closed
 from shukotsu.paper.moments import JointMoments
@@ -85,6 +87,32 @@ def test_the_rest_of_the_summary(fitted: HandFit) -> None:
         assert 5 < joint.range_deg < 30
     for name, bone in fitted.bones.items():
         assert abs(bone.length_mm - drawn.truth.hand.length_mm[BONES.index(name)]) < 4 * bone.sd_mm, name
+
+
+def span_mm(fit: HandFit) -> float:
+    """How far apart the knuckles of the index and the little finger are."""
+    ends = (fit.evidence.model.knuckles[name] for name in ("index", "little"))
+    places = [[fit.evidence.posterior.of_amount(amount)[0] for amount in each] for each in ends]
+    return float(np.linalg.norm(np.subtract(*places)))
+
+
+def test_what_is_known_beside_the_recording_moves_what_it_is_of(layout: Layout, fitted: HandFit) -> None:
+    """A breadth the knuckles; receivers' height what is open in depth; a calliper a bone's stated error."""
+    anew = partial(fit_hand, [hand()[1]], hand="right", settings=QUICK)
+    narrow, broad = (anew(layout=layout, hand_breadth_mm=breadth_mm) for breadth_mm in (72.0, 92.0))
+    assert 0.5 < span_mm(broad) - span_mm(narrow) < 20 * 49 / 82
+    assert narrow.joints["ring_mcp"].sd_mm < 1.01 * fitted.joints["ring_mcp"].sd_mm
+    told = anew(layout=replace(layout, receiver_height_mm=2.0))
+    heights = [
+        fit.evidence.posterior.of_amount(fit.evidence.model.mount["index_distal"][2])
+        for fit in (told, fitted)
+    ]
+    assert heights[0][1] < 0.95 * heights[1][1]
+    assert fitted.bones["ring_metacarpal"].sd_mm > UNMODELLED_LENGTH_MM["metacarpal"]
+    length_mm = fitted.bones["ring_metacarpal"].length_mm + 3.0
+    measured = anew(layout=layout, measurements=[Measurement("ring_metacarpal", length_mm, 0.5)])
+    assert measured.bones["ring_metacarpal"].sd_mm < 0.5
+    assert measured.bones["ring_metacarpal"].length_mm == pytest.approx(length_mm, abs=0.5)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from shukotsu.report.belief import (
     believed_counts,
     gain_lines,
     joint_table,
+    near_lines,
     reasons_of,
     wanted_text,
 )
@@ -109,6 +110,24 @@ def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
         assert cells[2:4] == ("–" if sd is None else f"{sd:.2f}", "–" if moved is None else f"{moved:.1f}")
     counted = [len(rows_where(rows, verdict=verdict)) for verdict in ("believe", "care", "no")]
     assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
+
+
+def test_a_joint_a_little_less_well_known_says_what_it_serves_for(fitted: StudyResults) -> None:
+    layout = fitted.layouts[LEFT]
+    row = {**rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand", verdict="believe")[0]}
+    row |= {
+        "sd_mm": 2.2,
+        "verdict": "care",
+        "reason": "uncertain",
+        "reason_values": '{"uncertain": {"wanted_mm": 2}}',
+    }
+    mends = {**gain_rows()[0], "joint": row["joint"], "joint_sd_after_mm": 1.9}
+    helps = near_lines([row], [mends], layout)
+    assert "known to 2 to 2.5 mm" in helps[0]
+    assert "moment arms" in helps[0]
+    assert helps[1:] == gain_lines([mends])
+    assert "bend slowly" in near_lines([row], [{**mends, "joint_sd_after_mm": 2.1}], layout)[1]
+    assert near_lines([row | {"sd_mm": 2.6}, row | {"sd_mm": 1.9}], [mends], layout) == []
 
 
 def test_the_best_gains_in_words(fitted: StudyResults) -> None:

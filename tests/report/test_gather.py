@@ -64,7 +64,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
             columns |= {"flags": [""] * 4, "valid": [True] * 4}
             write_table(plan.poses(recording), POSES, columns, Provenance((), parameters))
     write_findings(plan)
-    for name in GATHERED_TABLES:
+    for name in (*GATHERED_TABLES, "length_pulls"):
         for path in plan.files_of(name):
             parts = plan.parts()
             if name in FIT_TABLES:
@@ -80,9 +80,9 @@ def _write_parts(path: Path, table: Table, parts: list[Part], failures: dict[tup
             if (table.name, part) in failures:
                 writer.failure(part, failures[table.name, part])
             else:
-                names = ("joint", "segment", "digit", "quantity", "without", "trial")
+                names = ("joint", "segment", "digit", "quantity", "unknown", "without", "trial")
                 name = next(name for name in names if name in table.key)
-                writer.rows(part, [row_of(table, **vars(part), **{name: text}) for text in "ab"])
+                writer.rows(part, [row_of(table, **vars(part), **{name: text}, pull_mm=0.5) for text in "ab"])
 
 
 @pytest.fixture

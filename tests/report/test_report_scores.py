@@ -55,7 +55,8 @@ def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> Non
         error = np.array([row["error_mm"] for row in rows if row["error_mm"] is not None])
         assert len(error) == 29
         axes = [row["axis_deg"] for row in rows if row["axis_deg"] is not None]
-        within = [row["within_95"] for row in rows if row["within_95"] is not None]
+        halves = [row[f"{side}within_95"] for row in rows for side in ("", "parent_")]
+        within = [each for each in halves if each is not None]
         expected = [np.median(error), np.quantile(error, 0.9), error.max()]
         medians = [np.median(axes), np.median(error)]
         assert cells[2:] == [

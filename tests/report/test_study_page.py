@@ -19,6 +19,7 @@ from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import anchor, link
+from shukotsu.scores.agreement import times_expected
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, finding_of_text, problem_row
 from shukotsu.study.results import Results
 from shukotsu.study.verdict import BY_ANATOMY, note_doubts
@@ -132,6 +133,9 @@ def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page
         for bone in bones:
             start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
             assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
+    times, n = times_expected(row for row in fitted.agreement if row["model"] == "whole-hand")["hand"]
+    differ = f"the right and the left hand differ by {times:.1f} times what was expected ({n} pairs)"
+    assert differ in fitted_study_page
 
 
 def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(

@@ -189,7 +189,8 @@ def _write_subject(
     plan: SubjectPlan, n_frames: int, simulated: bool, failed: str, spoiled: tuple[str, str]
 ) -> None:
     """Write a subject's tables. failed : the hand whose recordings could not be read, or empty."""
-    rows: dict[str, dict[Part, list[Row]]] = {name: {} for name in (*GATHERED_TABLES, "joint_solutions")}
+    names = (*GATHERED_TABLES, "joint_solutions", "length_pulls")
+    rows: dict[str, dict[Part, list[Row]]] = {name: {} for name in names}
     with parts_writer(plan.table("tips"), TABLES["tips"], NO_SOURCE) as tips:
         for recording in plan.recordings:
             hand, key = recording.hand.hand, recording.key
@@ -223,6 +224,7 @@ def _write_subject(
                 if model.fitting is not None:
                     rows["receivers"][part] = receiver_rows(spoiled=bad)
                     rows["gains"][part] = gain_rows()
+                    rows["length_pulls"][part] = pull_rows(part.hand)
                     _write_fit(plan, part, key, n_frames, error_mm)
     columns = columns_from_rows(FINDINGS, [])
     write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}}))
@@ -399,7 +401,8 @@ def joint_error_rows(models: Sequence[str], *, spoiled: bool) -> list[Row]:
                 row |= {"error_mm": error, "along_mm": 0.8 * error, "across_mm": -0.6 * error}
                 row |= {"parent_error_mm": error, "bone": joint, "bone_error_percent": -error}
                 row |= {"axis_deg": 2 * error if LAYOUT.joints[joint].dof == 1 else None}
-                row |= {} if name == "prior-only" else {"within_95": error < 5, "sd_mm": 1.0}
+                row |= {} if name == "prior-only" else {"within_95": error < 5, "parent_within_95": error < 2}
+                row |= {} if name == "prior-only" else {"sd_mm": 1.0}
             rows.append(row)
     return rows
 
@@ -435,6 +438,23 @@ def gain_rows() -> list[Row]:
         means = {"mean_sd_before_mm": 1.26, "mean_sd_after_mm": 1.21 + 0.01 * index}
         rows.append({"quantity": quantity, "sd_mm": 0.4, **means, **joint})
     return rows
+
+
+def pull_rows(hand: str) -> list[Row]:
+    """Return rows of length_pulls of two bones, 1.5 and 3 mm longer left than right."""
+    length = {"index_middle": 24.0, "index_proximal": 42.0}
+    more = {"index_middle": 1.5, "index_proximal": 3.0}
+    return [
+        {
+            "bone": bone,
+            "unknown": f"{bone} length",
+            "group": "length",
+            "pull_mm": 0.6,
+            "alone_mm": mm + (more[bone] if hand == "left" else 0.0),
+            "alone_sd_mm": 1.0,
+        }
+        for bone, mm in length.items()
+    ]
 
 
 FIRST = "S001"

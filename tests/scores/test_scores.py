@@ -101,13 +101,23 @@ def test_a_centre_along_and_across_its_axis() -> None:
     """Off by (3, -4, 0) with the true axis along y: 5 in all, 4 along, 3 across; the parent's half by 6."""
     true = centre("index_pip", (1, 1, 1), (0, 0, 0))
     tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
-    errors = centre_errors(centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted), true)
+    estimated = centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted)
+    errors = centre_errors(estimated, true)
     assert errors["error_mm"] == pytest.approx(5.0)
     assert errors["along_mm"] == pytest.approx(4.0)
     assert errors["across_mm"] == pytest.approx(3.0)
     assert errors["parent_error_mm"] == pytest.approx(6.0)
     assert errors["axis_deg"] == pytest.approx(np.degrees(0.2))
-    assert (errors["sd_mm"], errors["within_95"]) == (3.8, True)
+    assert errors["sd_mm"] == 3.8
+    # a ball of 3.8 mm holds 6.1 mm each way; covariances hold more along their long axis than across it
+    for sds_mm, expected in (
+        (None, (True, True)),
+        ((1, 1, 2, 1.5, 3, 1), (True, False)),
+        ((9, 9, 3, 3, 1, 9), (False, True)),
+    ):
+        stated = None if sds_mm is None else np.diag(np.square(sds_mm)).ravel()
+        errors = centre_errors(estimated | {"covariance_mm2": stated}, true)
+        assert (errors["within_95"], errors["parent_within_95"]) == expected
 
 
 def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:

@@ -52,7 +52,7 @@ def test_numbers_of_every_doubt_the_weightiest_first() -> None:
     row = judged_joint(ROW | {"sd_mm": 9.0, "range_deg": 6.25, "axis_sd_deg": 8.5}, FINGER_MM)
     assert [*json.loads(row["reason_values"]).items()] == [
         ("moved-too-little", {"range_deg": 6.25}),
-        ("uncertain", {"sd_mm": 9.0, "radius_95_mm": 14.526, "wanted_mm": 2.0}),
+        ("uncertain", {"sd_mm": 9.0, "radius_95_mm": 14.489, "wanted_mm": 2.0}),
         ("axis-uncertain", {"axis_sd_deg": 8.5}),
     ]
 

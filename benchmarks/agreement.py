@@ -1,0 +1,64 @@
+"""Simulated people recorded twice: how far bones' lengths differ, over what their errors let expect."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from itertools import groupby
+
+import numpy as np
+
+from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
+from shukotsu.fit.fit import fit_hand
+from shukotsu.fit.length_pulls import pull_rows
+from shukotsu.scores.agreement import ACROSS, Estimate, Row, compare_pairs
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import LAYOUT, simulate
+from shukotsu.study.layout import read_layout
+
+WRITTEN_TO = "accuracy.md", "agreement"
+FIRST_SEED, N_PEOPLE, N_FRAMES = 7000, 20, 6000
+RECORDED = (("1", "rom"), ("1", "opposition"), ("2", "rom"))
+KINDS = ("thumb metacarpal", "metacarpal", "proximal", "middle", "distal")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    add_people(parser, N_PEOPLE, FIRST_SEED)
+
+
+def run(n_hands: int = N_PEOPLE, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
+    """Return the table over that many people, of each both hands, in two sessions and two recordings."""
+    rows = [row for person in of_each_person(one_person, n_hands, seed) for row in person]
+    table: list[tuple[str | float | int, ...]] = []
+    for across in ACROSS:
+        for kind in ("all", *KINDS):
+            z = np.array([r["z"] for r in rows if r["across"] == across and kind in ("all", r["kind"])])
+            inside = 100 * float(np.mean(np.abs(z) <= 1.96))
+            table.append((across, kind, len(z), float(np.sqrt(np.mean(z**2))), float(z.std()), inside))
+    columns = ("across", "bones", "pairs:d", "times expected:.2f", "sd of z:.2f", "in 95 %:.0f")
+    meaning = (
+        "z: difference of two lengths of one bone over the sd that it should have. Session: receivers put on "
+        "anew, the same movements anew. Hand: right and left of one session. Recording: range of motion and "
+        "opposition of one session. Times expected: root mean square of z, 1 where errors are as stated."
+    )
+    yield PrintedTable("people recorded twice", columns, table, meaning)
+
+
+def one_person(seed: int) -> list[Row]:
+    """Return a person's pairs, with the kind of bone."""
+    pulls: list[tuple[str, str, str, Row]] = []
+    for hand in ("right", "left"):
+        for session, task in RECORDED:
+            poses = simulate("01", hand, task, seed, Realism(), N_FRAMES, session=session).poses()
+            fit = fit_hand([poses], read_layout(LAYOUT), hand)
+            pulls += [(row["bone"], hand, f"{session} {task}", row) for row in pull_rows(fit.evidence)]
+    rows = []
+    by_bone = sorted(pulls, key=lambda pull: pull[:3])
+    for bone, of_bone in groupby(by_bone, key=lambda pull: pull[0]):
+        estimates = [
+            Estimate.of([row for *_, row in each], recorded[0], hand, [recorded], is_whole="rom" in recorded)
+            for (_, hand, recorded), each in groupby(of_bone, key=lambda pull: pull[:3])
+        ]
+        kind = "thumb metacarpal" if bone == "thumb_metacarpal" else bone.split("_")[1]
+        rows += [row | {"kind": kind} for row in compare_pairs(estimates)]
+    return rows

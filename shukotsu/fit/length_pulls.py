@@ -1,0 +1,43 @@
+"""What expectation pulls each bone's length: by how much every unknown of the hand, were it off by one sd.
+
+An estimate of unknowns whose priors have the precision L, from data of information F, has the covariance C =
+(F + L)^-1. Its error is the pull of the priors, -C L x of unknowns x, and what noise did, of covariance
+C F C; together C again. A length with the row a is pulled by a C L^1/2 for each sd of an unknown. From these
+follows how far two estimates of one person's bone may differ (`shukotsu.scores.agreement`).
+
+On paper: docs/whole-hand.md, section 8.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from shukotsu.fit.posterior import Evidence
+
+LEAST_SHARE = 0.01
+"""Share of a length's sd that an unknown pulls by at least, to have a row."""
+
+
+def pull_rows(evidence: Evidence) -> list[dict[str, Any]]:
+    """Rows of length_pulls, by the hand's own recordings alone; none of a bone that a calliper measured."""
+    rows, alone, unknowns = [], evidence.alone, evidence.model.unknowns
+    for bone, amount in evidence.model.length.items():
+        row = amount.row(len(alone.x))
+        mm, sd_mm = alone.of_amount(amount)
+        pulls_mm = row @ alone.covariance * np.sqrt(evidence.problem.precision)
+        if evidence.problem.observations.rows[:, unknowns.names.index(f"{bone} length")].any():
+            continue
+        rows += [
+            {
+                "bone": bone,
+                "unknown": unknowns.names[i],
+                "group": unknowns.groups[i],
+                "pull_mm": float(pulls_mm[i]),
+                "alone_mm": mm,
+                "alone_sd_mm": sd_mm,
+            }
+            for i in np.flatnonzero(np.abs(pulls_mm) > LEAST_SHARE * sd_mm)
+        ]
+    return rows

@@ -1,0 +1,129 @@
+"""Whether stated errors hold, without a truth: bones known twice from data that have nothing in common.
+
+On paper: docs/whole-hand.md, section 8, which says what part of an error this tests and which it cannot.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from shukotsu.fit.fit import SIDE_SD
+from shukotsu.fit.frame_uncertainty import PUT_ON
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.tables.catalogue import LENGTH_PULLS
+from shukotsu.tables.typed_table import read_table, rows_of
+
+Row = dict[str, Any]
+
+ACROSS = ("session", "hand", "recording")
+"""In what two estimates of one person's bone may differ, all else being the same."""
+
+OF_BOTH_HANDS = frozenset(
+    (
+        *("scale", "source", "length", "base", "direction", "axis", "lean", "skew"),
+        *("joint slide", "pro-supination", "breadth", "unmodelled"),
+    )
+)
+"""Groups of unknowns that a person's hands have in common: bones and joints are mirror images."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A bone's length from some recordings; pulls_mm : by unknown and its group."""
+
+    session: str
+    hand: str
+    recordings: frozenset[str]
+    is_whole: bool
+    length_mm: float
+    sd_mm: float
+    pulls_mm: Mapping[tuple[str, str], float]
+
+    @classmethod
+    def of(
+        cls, pulls: Sequence[Row], session: str, hand: str, recordings: Iterable[str], *, is_whole: bool
+    ) -> Estimate:
+        """Return the estimate that one bone's rows of length_pulls are of."""
+        by_unknown = {(row["unknown"], row["group"]): row["pull_mm"] for row in pulls}
+        stated = pulls[0]["alone_mm"], pulls[0]["alone_sd_mm"]
+        return cls(session, hand, frozenset(recordings), is_whole, *stated, by_unknown)
+
+    def across(self, other: Estimate) -> str:
+        """Return the one thing in which two estimates differ; empty where they are not independent."""
+        differ = [name for name in ("session", "hand") if getattr(self, name) != getattr(other, name)]
+        if not differ and self.recordings.isdisjoint(other.recordings):
+            return "recording"
+        return differ[0] if len(differ) == 1 and self.is_whole and other.is_whole else ""
+
+
+def agreement(plans: Iterable[SubjectPlan]) -> list[Row]:
+    """Rows of agreement: all pairs of a subject's estimates, of hands that no finding doubts."""
+    estimates: dict[tuple[str, str, str], list[Estimate]] = defaultdict(list)
+    for plan in plans:
+        doubted = plan.checked(plan.table("findings")).doubted
+        pulls: dict[tuple[str, ...], list[Row]] = defaultdict(list)
+        for file in plan.files_of(LENGTH_PULLS.name):
+            for row in rows_of(read_table(file, LENGTH_PULLS)):
+                pulls[row["hand"], row["model"], row["made_without"], row["bone"]].append(row)
+        for (hand, model, made_without, bone), rows in pulls.items():
+            if not doubted(hand):
+                used = [recording.name for recording in plan.calibrating(hand, model, made_without)]
+                estimate = Estimate.of(rows, plan.session, hand, used, is_whole=not made_without)
+                estimates[plan.subject, model, bone].append(estimate)
+    return [
+        {"subject": subject, "model": model, "bone": bone, **pair}
+        for (subject, model, bone), each in estimates.items()
+        for pair in compare_pairs(each)
+    ]
+
+
+def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[Row]:
+    """Compare every two estimates of one bone that differ in one thing."""
+    for first, second in combinations(estimates, 2):
+        if across := first.across(second):
+            names = (
+                [";".join(sorted(each.recordings)) for each in (first, second)]
+                if across == "recording"
+                else [getattr(each, across) for each in (first, second)]
+            )
+            difference_mm = second.length_mm - first.length_mm
+            sd_mm = difference_sd_mm(first, second, across)
+            yield {
+                "across": across,
+                "session": "" if across == "session" else first.session,
+                "hand": "" if across == "hand" else first.hand,
+                **dict(zip(("first", "second"), names, strict=True)),
+                "difference_mm": difference_mm,
+                "sd_mm": sd_mm,
+                "z": difference_mm / sd_mm,
+            }
+
+
+def difference_sd_mm(first: Estimate, second: Estimate, across: str) -> float:
+    """Return the sd of the difference of two estimates of one length, mm.
+
+    C1 + C2 - 2 sum c1 c2, c the pulls of the unknowns that are the same in both: of one session all, in
+    another those that are not put on anew, in the other hand bones and joints, which are as long but for
+    SIDE_SD.
+    """
+    shared = sum(
+        pull_mm * second.pulls_mm.get((unknown, group), 0.0)
+        for (unknown, group), pull_mm in first.pulls_mm.items()
+        if across == "recording" or (group in OF_BOTH_HANDS if across == "hand" else group not in PUT_ON)
+    )
+    side_mm = SIDE_SD * first.length_mm if across == "hand" else 0.0
+    return float(np.sqrt(first.sd_mm**2 + second.sd_mm**2 - 2 * shared + side_mm**2))
+
+
+def times_expected(rows: Iterable[Mapping[str, Any]]) -> dict[str, tuple[float, int]]:
+    """Root mean square of z, which is 1 where errors are as stated, and number of pairs, by `across`."""
+    by_kind: dict[str, list[float]] = {across: [] for across in ACROSS}
+    for row in rows:
+        by_kind[row["across"]].append(row["z"])
+    return {across: (float(np.sqrt(np.mean(np.square(z)))), len(z)) for across, z in by_kind.items() if z}

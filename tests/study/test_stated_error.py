@@ -1,0 +1,30 @@
+"""What 95 % means of a covariance: of drawn errors, as many are within it and within its radius."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shukotsu.study.stated_error import BALL_95, halves_mm2, is_within_95, radius_95_mm
+
+
+@pytest.mark.parametrize("sds", [(1.0, 1.0, 1.0), (3.0, 1.0, 1.0), (3.0, 3.0, 1.0), (4.0, 0.5, 0.1)])
+def test_95_percent_are_inside_whatever_its_shape(sds: tuple[float, ...]) -> None:
+    """A fixed 1.614 sd holds 91 % of errors that are three times as large one way."""
+    rng = np.random.default_rng(1)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    covariance, off = turn @ np.diag(np.square(sds)) @ turn.T, rng.normal(size=(20_000, 3)) * sds @ turn.T
+    radius = radius_95_mm(covariance)
+    assert np.mean([is_within_95(each, covariance) for each in off]) == pytest.approx(0.95, abs=0.005)
+    assert np.mean(np.linalg.norm(off, axis=1) <= radius) == pytest.approx(0.95, abs=0.005)
+    assert BALL_95 * 0.99 < radius / np.linalg.norm(sds) < 1.96
+
+
+def test_what_is_not_stated_is_not_judged() -> None:
+    """A point that was set has no covariance; a flat one holds nothing off its plane; an sd is a ball."""
+    parent, child = halves_mm2(np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]).ravel(), 1.0)
+    assert is_within_95(np.zeros(3), parent) is None
+    assert is_within_95(np.array([1.0, 1.0, 0.0]), child) is True
+    assert is_within_95(np.array([0.0, 0.0, 0.1]), child) is False
+    assert is_within_95(np.array([1.6, 0.0, 0.0]), halves_mm2(None, 1.0)[0]) is True
+    assert is_within_95(np.array([1.63, 0.0, 0.0]), halves_mm2(None, 1.0)[1]) is False
