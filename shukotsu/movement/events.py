@@ -133,7 +133,7 @@ def events_of(
             by_recording.setdefault((row["task"], row["trial"]), []).append(timed)
     return {
         recording: by_recording.get((recording.task, recording.trial), [])
-        for recording in plan.evaluated(hand)
+        for recording in plan.posed(hand)
     }
 
 
