@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from shukotsu.report.belief import NOT, study_beliefs
-from shukotsu.report.study_results import StudyResults, recording_key
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import DataTable, PageColumn, number, p_text, table_of, text_column
 from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
 from shukotsu.tables.typed_table import Table, read_table
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
 RANGE = "range_deg"
 """The quantity that is drawn; all others stand in tables."""
-PLACE = ["hand", "task"]
 OF_ANGLE = ["joint", "angle"]
 SUBJECT = ["subject", "session", "hand"]
 
@@ -31,8 +32,9 @@ class StudyMovement:
     """A study's movement under one model, hands with a suspect finding left out.
 
     ranges : a row a recording and angle. differences, reliability : of that model. believed : one of BELIEFS
-    by joint. measured : whether any recording has joint angles, counted
-    or not. A frame without rows is that of a table that is empty or not there.
+    by joint. measured : whether any recording has joint angles, counted or not. tasks : in the order in which
+    they are shown, with whether each only calibrates. A frame without rows is that of a table that is empty
+    or not there.
     """
 
     model: str
@@ -41,13 +43,19 @@ class StudyMovement:
     reliability: pd.DataFrame
     believed: dict[str, str]
     measured: bool
+    tasks: Mapping[str, bool]
 
     @cached_property
     def subject_means(self) -> pd.DataFrame:
-        """Range of motion, deg, by hand, task, joint, angle and subject: means over trials, then sessions."""
-        whose = [*PLACE, *OF_ANGLE, "subject"]
-        sessions = self.ranges.groupby([*whose, "session"], sort=False)[RANGE].mean()
-        return sessions.groupby(whose, sort=False).mean().reset_index()
+        """Range of motion, deg, by task, joint, angle and subject: means over trials, sessions, then hands.
+
+        Nothing is averaged over tasks.
+        """
+        means, whose = self.ranges, ["task", *OF_ANGLE, "subject", "hand", "session"]
+        for _ in range(3):
+            means = means.groupby(whose, sort=False)[RANGE].mean().reset_index()
+            whose.pop()
+        return means
 
     def differences_table(self) -> DataTable | None:
         """Differences between two levels of a factor that are shown, of joints that can be believed; None
@@ -84,13 +92,17 @@ class StudyMovement:
 def read_movement(results: StudyResults) -> StudyMovement:
     """Read the study's tables of movement under the leading model; InputError where one is another table.
 
-    Ranges are of recordings that do more than calibrate, and of hands that count in statistics.
+    Ranges are of hands that count in statistics, in recordings that calibrate as well.
     """
     model = results.leading
     measured = _frame(results, RANGES_OF_MOTION, model)
-    calibrating = {recording_key(each) for each in results.recordings if each.role == "calibration"}
-    keys = zip(*(measured[name] for name in (*SUBJECT, "task", "trial")), strict=True)
-    measured = measured[np.array([key not in calibrating for key in keys], bool)]
+    roles: dict[str, set[str]] = defaultdict(set)
+    for recording in results.shown:
+        roles[recording.task].add(recording.role)
+    tasks = {
+        task: roles[task] == {"calibration"}
+        for task in sorted(roles, key=lambda t: "calibration" not in roles[t])
+    }
     suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
     keys = zip(*(measured[name] for name in SUBJECT), strict=True)
     ranges = measured[np.array([key not in suspect for key in keys], bool)]
@@ -101,6 +113,7 @@ def read_movement(results: StudyResults) -> StudyMovement:
         reliability=_frame(results, MOVEMENT_RELIABILITY, model),
         measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),
+        tasks=tasks,
     )
 
 

@@ -70,7 +70,10 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         "view": _front(results),
         "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
         "pictures": [page_picture(panel) for panel in panels],
-        "ranges": [page_picture(panel) for panel in range_panels(movement)] if movement else [],
+        "ranges": {
+            words: [page_picture(panel) for panel in of_task]
+            for words, of_task in (range_panels(movement) if movement else {}).items()
+        },
     }
     for message in taken_failures():  # after every picture, before the list of problems
         results.add_problem("report", message)
@@ -103,6 +106,7 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
 def _front(results: StudyResults) -> View | None:
     """The hand in motion of the first recording that counts and can be shown; None without one."""
     counted = [recording for recording in results.shown if recording.hand not in results.suspect]
+    counted.sort(key=lambda recording: recording.role == "calibration")
     used = [recording for recording in counted if results.status_of(recording)[0] == "used"]
     for recording in used[:MOST_TRIED]:
         try:

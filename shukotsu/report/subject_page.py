@@ -193,7 +193,9 @@ def _select_recording(results: StudyResults, hand: str, name: str) -> Recording:
         if (recording.hand.hand, recording.name) == (hand, name):
             return recording
     expected = ", ".join(f"{recording.hand.hand} {recording.name}" for recording in results.shown)
-    raise InputError(f"--recording {hand} {name}: is not evaluated; expected one of: {expected or 'none'}")
+    raise InputError(
+        f"--recording {hand} {name}: is none of this subject's; expected one of: {expected or 'none'}"
+    )
 
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
@@ -209,7 +211,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     shown: list[Recording] = []
     with suppress(InputError):
         plan = plan_of_results(arguments.plan)
-        shown = [recording for hand in plan.hands for recording in plan.evaluated(hand)]
+        shown = [recording for hand in plan.hands for recording in plan.posed(hand)]
     with speaking(arguments.language if arguments.language in languages() else "en"):
         for page in (Path("subject.html"), *map(_page, shown)):
             write_text(arguments.out / page, render_failure(message))

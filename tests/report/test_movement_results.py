@@ -17,7 +17,8 @@ from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import Results
 from shukotsu.tables.catalogue import PROBLEMS
 
-RECORDINGS = drawn.recordings(12, ("1", "2"))
+RECORDINGS = drawn.recordings(12, ("1", "2"), task="opposition")
+CALIBRATIONS = drawn.recordings(12, ("1", "2"), task="rom")
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,10 @@ def results(fitted: StudyResults, tmp_path_factory: pytest.TempPathFactory) -> S
     """A study with tables of the movement of twelve subjects, whose other results are not theirs."""
     paths = Results(tmp_path_factory.mktemp("moved"))
     write(paths.study_table("problems"), PROBLEMS, [])
-    drawn.write_movement(paths, drawn.ranges(RECORDINGS, models=FITTED_MODELS))
+    drawn.write_movement(
+        paths,
+        [*drawn.ranges(RECORDINGS, models=FITTED_MODELS), *drawn.ranges(CALIBRATIONS, 2, FITTED_MODELS)],
+    )
     compare_study(RECORDINGS, ["group"], paths)
     return replace(fitted, paths=paths)
 
@@ -35,16 +39,19 @@ def movement(results: StudyResults) -> StudyMovement:
     return read_movement(results)
 
 
-def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
+def test_a_dot_of_a_tasks_figure_is_a_subjects_mean_of_the_leading_model(
     results: StudyResults, movement: StudyMovement
 ) -> None:
     assert set(movement.ranges["model"]) == {"whole-hand"}
     figure, caption = ranges_of_motion(results, movement)
-    lines = [line for axes in figure.axes for line in axes.lines if str(line.get_gid()).startswith("dots")]
-    dots = [sorted(line.get_xdata()) for line in lines]
-    ranges = movement.ranges[movement.ranges["joint"] == "index_pip"]
-    means = sorted(ranges.groupby("subject")[RANGE].mean())
-    assert dots[drawn.JOINTS.index("index_pip")] == pytest.approx(means)
+    assert [axes.get_title("right") for axes in figure.axes] == ["rom, calibration", "opposition"]
+    for axes, task in zip(figure.axes, ("rom", "opposition"), strict=True):
+        dots = [sorted(line.get_xdata()) for line in axes.lines if str(line.get_gid()).startswith("dots")]
+        ranges = movement.ranges[
+            (movement.ranges["joint"] == "index_pip") & (movement.ranges["task"] == task)
+        ]
+        means = sorted(ranges.groupby("subject")[RANGE].mean())
+        assert dots[drawn.JOINTS.index("index_pip")] == pytest.approx(means)
     assert "Model whole-hand." in caption
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import matplotlib
 import numpy as np
@@ -42,7 +42,7 @@ from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, rea
 from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import Row as TableRow
-from shukotsu.report.study_results import StudyResults, hand_of
+from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import alike, capital, heading
 from shukotsu.report.templates import plain
 from shukotsu.resources import PROGRAM, VERSION
@@ -52,6 +52,10 @@ from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import N_, listed, ngettext, tr, word
+
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class NoDataError(Exception):
@@ -353,9 +357,20 @@ def _draw_trust(
         foot += shares
 
 
-def range_panels(movement: StudyMovement) -> list[Panel]:
-    """Return a panel for each of ANGLES that any joint has: joints in the colour of their digit."""
-    means = movement.subject_means.groupby([*OF_ANGLE, "subject"], sort=False)[RANGE].mean().sort_index()
+def range_panels(movement: StudyMovement) -> dict[str, list[Panel]]:
+    """Return by each task's title a panel for each of ANGLES that any joint has.
+
+    Joints are in the colour of their digit.
+    """
+    means = movement.subject_means.set_index(["task", *OF_ANGLE, "subject"])[RANGE].sort_index()
+    titles = {task: task_title(task, calibrates=only) for task, only in movement.tasks.items()}
+    of_tasks = {titles[task]: _range_panels(movement, means.loc[task], titles[task]) for task in titles
+                if task in means.index}  # fmt: skip
+    return {words: panels for words, panels in of_tasks.items() if panels}
+
+
+def _range_panels(movement: StudyMovement, means: pd.Series[float], task: str) -> list[Panel]:
+    """Return the panels of one task; means : by joint, angle and subject."""
     joints = list(dict.fromkeys(movement.ranges["joint"]))
     digits = list(dict.fromkeys(joint.partition("_")[0] for joint in joints if "_" in joint))
     colours = {digit: look.colour for digit, look in digit_looks(digits).items()}
@@ -374,8 +389,8 @@ def range_panels(movement: StudyMovement) -> list[Panel]:
         scale = value_scale([value for row in rows for value in row.values()])
         of_all = movement.ranges["subject"].nunique()
         draw = partial(draw_rows, rows=rows, axis=axis, scale=scale, of_all=of_all)
-        title = tr("Range of motion by joint, {angle}.", angle=angle)
-        panels.append(Panel("", title, ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+        title = tr("Range of motion by joint in {task}, {angle}.", task=task, angle=angle)
+        panels.append(Panel(task, title, ROW_MM * (len(rows) + 1), FOOT_MM, draw))
     return panels
 
 
@@ -387,10 +402,10 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
                 tr("every hand that has joint angles has a suspect finding, and counts in nothing")
             )
         raise NoDataError(tr("no recording of this study has joint angles"))
-    return print_figure([range_panels(movement)]), tr(
-        "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg]. {study_text} Model "
-        "{model}. A dot is a subject, the mean over recordings; mark: median; bar: quartiles. Hands "
-        "with a suspect finding are left out.",
+    return print_figure(list(range_panels(movement).values())), tr(
+        "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg], task by task. {study_text} "
+        "Model {model}. A dot is a subject, the mean over trials, sessions and hands; mark: median; bar: "
+        "quartiles. Hands with a suspect finding are left out.",
         study_text=study_text(results),
         model=movement.model,
     )
