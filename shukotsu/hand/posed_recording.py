@@ -187,8 +187,8 @@ class RecordingReader:
         numbers = self.numbers(table, columns, poses.frame)
         if len(poses.frame) and not numbers:
             raise InputError(
-                f"{self.tables(table.name)}: has no row of {self.recording.name}; nothing of it could be posed; "
-                "the study's table of problems says why"
+                f"{self.tables(table.name)}: has no row of {self.recording.name}; nothing of it could be "
+                "posed; the study's table of problems says why"
             )
         return numbers
 

@@ -87,19 +87,13 @@ def model_to_take(results: StudyResults) -> str:
             "No model can be chosen here: nothing but a fit of the whole hand or a known truth judges a "
             "skeleton; add whole-hand to the study's models."
         )
-    ours = [row for row in judged.differences if row["model"] == leading]
-    if not ours:
+    row = _deciding_difference(results, judged)
+    if row is None:
         values = [*judged.values[leading].values()]
         claim = _amount(judged, leading, sum(values) / len(values))
         subjects = ngettext("{n} subject", "{n} subjects", len(values))
         return tr("{claim} ({test}).", claim=claim, test=subjects)
-    paper = the_papers(results.models.values())
-    row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
-    if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
-        leading = row["other"]
-        pair = leading, row["model"]
-        row = next(each for each in judged.differences if (each["model"], each["other"]) == pair)
-    sentence = _amount(judged, leading, row["mean"])
+    sentence = _amount(judged, row["model"], row["mean"])
     amounts = {"other": row["other"], "amount": format_value(judged.metric, row["other_mean"])}
     if row["other"] == PRIOR:
         sentence += tr("; anatomy alone, without data, by {amount} mm", **amounts)
@@ -113,6 +107,26 @@ def model_to_take(results: StudyResults) -> str:
     else:
         test = tr("{subjects}; {p}, corrected by Holm", subjects=test, p=p_text(row["p_holm"]))
     return tr("{claim} ({test}).", claim=sentence, test=test)
+
+
+def _deciding_difference(results: StudyResults, judged: JudgedModels) -> Row | None:
+    """Return the difference of the model to take from the best of the others; None where none was made."""
+    ours = [row for row in judged.differences if row["model"] == results.leading]
+    if not ours:
+        return None
+    paper = the_papers(results.models.values())
+    row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
+    if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
+        pair = row["other"], row["model"]
+        return next(each for each in judged.differences if (each["model"], each["other"]) == pair)
+    return row
+
+
+def taken_model(results: StudyResults) -> str:
+    """Return the model that `model_to_take` names, else the one that pages show first."""
+    judged = next((each for each in judged_models(results) if each.judges), None)
+    row = None if judged is None else _deciding_difference(results, judged)
+    return results.leading if row is None else str(row["model"])
 
 
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:

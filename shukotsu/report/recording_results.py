@@ -217,7 +217,7 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
 def _skeleton(
     results: StudyResults, reader: RecordingReader, poses: Poses, *, still: bool = False
 ) -> ShownSkeleton:
-    """Return one model's motion at the frames of poses; tip errors are of what was replayed, and not still."""
+    """Return one model's motion at the frames of poses; a still picture has no tip errors."""
     key = reader.recording.hand, reader.model.name
     layout, model = reader.layout, reader.model
     model_index = list(results.models).index(model.name)

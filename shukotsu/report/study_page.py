@@ -18,7 +18,7 @@ from shukotsu.errors import InputError
 from shukotsu.report.belief import reasons_of
 from shukotsu.report.figures.panels import page_picture, taken_failures
 from shukotsu.report.figures.study_figures import joints_in_order, model_panels, range_panels
-from shukotsu.report.judged_models import big_numbers, model_to_take, used_text
+from shukotsu.report.judged_models import REPLAY, big_numbers, model_to_take, used_text
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import StudyMovement
 from shukotsu.report.provenance import all_problems, faults_listed
@@ -63,13 +63,15 @@ class SubjectCard(NamedTuple):
 def render_study(results: StudyResults, study: Study, movement: StudyMovement | None = None) -> str:
     """Return the study's page; the same results give the same text."""
     panels = model_panels(results)
+    replay = panels.pop(REPLAY, None)
     with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
     packages = (f"{package} {metadata.version(package)}" for package in PACKAGES)
     parts: dict[str, Any] = {
         "view": _front(results),
         "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
-        "pictures": [page_picture(panel) for panel in panels],
+        "models": [(panel.heading, page_picture(panel)) for panel in panels.values()],
+        "replay": page_picture(replay) if replay else None,
         "ranges": {
             words: [page_picture(panel) for panel in of_task]
             for words, of_task in (range_panels(movement) if movement else {}).items()
@@ -84,7 +86,6 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         numbers=big_numbers(results),
         take=model_to_take(results),
         model=results.leading,
-        panels=panels,
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),
         classes=[f"< {ends[0]}", *(f"{low}–{high}" for low, high in pairwise(ends)), f"> {ends[-1]}"],

@@ -232,7 +232,7 @@ class StudyResults:
 
 
 def task_title(task: str, trial: str = "", *, calibrates: bool = False) -> str:
-    """Write task and trial in words, and whether the skeleton was made from the recording and nothing else."""
+    """Write task and trial in words. calibrates : whether the recording only calibrates."""
     words = [task, tr("trial {trial}", trial=trial) if trial else "", tr("calibration") if calibrates else ""]
     return ", ".join(filter(None, words))
 

@@ -145,7 +145,7 @@ class SubjectPlan:
         return [r for r in recordings if made_without in ("", r.task)]
 
     def posed(self, hand: str, made_without: str = "") -> list[Recording]:
-        """Recordings in which a skeleton is posed and measured: all of a study; those of the task made without.
+        """Recordings in which a skeleton is posed and measured: all, or those of the task made without.
 
         Of a hand alone those that the command line names for that.
         """

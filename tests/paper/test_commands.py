@@ -22,7 +22,7 @@ from shukotsu.tables.catalogue import (
 )
 from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.tables.poses import read_poses
-from shukotsu.tables.typed_table import Provenance, read_metadata, read_table, rows_of
+from shukotsu.tables.typed_table import Provenance, read_metadata, rows_of
 
 WHOLE = Part("right", "rigid", "", "01")
 DIGITS = ("thumb", "index", "middle", "ring", "little")

@@ -23,6 +23,8 @@ from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_t
 from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
     FOOT_MM,
+    LINE_MM,
+    ROW_LETTERS,
     ROW_MM,
     Panel,
     PanelRow,
@@ -37,7 +39,15 @@ from shukotsu.report.figures.panels import (
     value_scale,
 )
 from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, apply_style, label, wrap_text
-from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
+from shukotsu.report.judged_models import (
+    LEFT_OUT,
+    PRIOR,
+    REPLAY,
+    TRUTH,
+    JudgedModels,
+    judged_models,
+    taken_model,
+)
 from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
 from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
 from shukotsu.report.recording_results import ANGLES
@@ -52,7 +62,6 @@ from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import N_, listed, ngettext, tr, word
-
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,28 +162,35 @@ _MODEL_ROW_MM = 6.0
 """High enough that a line through a subject's dots can be followed."""
 
 
-def model_panels(results: StudyResults) -> list[Panel]:
-    """Return a panel for each number that models are held against each other by: seen, then the truth."""
-    judged = {each.metric: each for each in judged_models(results)}
-    metrics = [REPLAY, *([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT])]
+def model_panels(results: StudyResults) -> dict[str, Panel]:
+    """Return by its metric a panel for each number of models: those that judge them, then the replay's.
+
+    The model to take stands first, and models with the same numbers share a row.
+    """
+    judged, first = {each.metric: each for each in judged_models(results)}, taken_model(results)
+    metrics = [*([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT]), REPLAY]
     looks = model_looks(list(results.models)) | {PRIOR: Look(SOFT, "o")}
-    panels = []
+    names_in_order = sorted((*results.models, PRIOR), key=lambda name: name != first)
+    panels = {}
     for each in (judged[metric] for metric in metrics if metric in judged):
-        rows = []
-        for name in (name for name in (*results.models, PRIOR) if name in each.values):
-            values = np.array(list(each.values[name].values()))
-            interval = paired_difference(values).interval
-            rows.append(PanelRow(name, looks[name], each.values[name], float(values.mean()), interval))
+        rows, lines = [], 1
+        for names in alike({name: each.values[name] for name in names_in_order if name in each.values}):
+            numbers = each.values[names[0]]
+            values = np.array(list(numbers.values()))
+            interval, words = paired_difference(values).interval, wrap_text(", ".join(names), ROW_LETTERS)
+            rows.append(PanelRow("\n".join(words), looks[names[0]], numbers, float(values.mean()), interval))
+            lines = max(lines, len(words))
         scale = value_scale([value for row in rows for value in row.values()])
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
-        names = listed(row.name for row in rows)
-        title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=names)
+        shown = listed(row.name.replace("\n", " ") for row in rows)
+        title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=shown)
         n = count_range(len(row.numbers) for row in rows)
         kind = tr("n = {n} subjects, held out", n=n)
         if not each.held_out:
             kind = tr("n = {n} subjects, in-sample", n=n)
         draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
-        panels.append(Panel(kind, title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+        height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
+        panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
 
 
@@ -190,7 +206,7 @@ def _draw_models(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, 
 
 def models(results: StudyResults) -> tuple[Figure, str]:
     """Draw the models' panels side by side. Raises NoDataError without a score."""
-    panels = model_panels(results)
+    panels = [*model_panels(results).values()]
     if not panels:
         raise NoDataError(tr("no model of this study has a score; see skeleton_scores and problems"))
     headings = [
