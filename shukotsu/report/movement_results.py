@@ -1,4 +1,4 @@
-"""Read the study's tables of movement under one model; what of it differs between levels of a factor."""
+"""Read the study's tables of movement under one model."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.report.belief import NOT, study_beliefs
+from shukotsu.report.belief import study_beliefs
 from shukotsu.report.study_results import StudyResults
-from shukotsu.report.table_cells import DataTable, PageColumn, number, p_text, table_of, text_column
 from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
 from shukotsu.tables.typed_table import Table, read_table
-from shukotsu.translation import tr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,37 +55,6 @@ class StudyMovement:
             whose.pop()
         return means
 
-    def differences_table(self) -> DataTable | None:
-        """Differences between two levels of a factor that are shown, of joints that can be believed; None
-        where no two levels were compared.
-        """
-        doubted = {joint for joint, shown in self.believed.items() if shown == NOT}
-        rows = self.differences[self.differences["verdict"] != ""]
-        rows = rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
-        if rows.empty:
-            return None
-        shown = rows[rows["verdict"] == "shown"].sort_values("p_holm", kind="stable")
-        columns = (
-            PageColumn(
-                tr("Levels"),
-                lambda row: f"{row['factor']}: {row['level']} − {row['other_level']}",
-                is_text=True,
-            ),
-            PageColumn(tr("Of"), lambda row: f"{row['quantity']}, {row['of']}", is_text=True),
-            text_column(tr("Hand"), "hand"),
-            text_column(tr("Task"), "task"),
-            PageColumn(tr("Subjects"), lambda row: "/".join(str(n) for n in (row["n"], row["n_other"]) if n)),
-            PageColumn(tr("Difference"), lambda row: f"{number(row['difference'])} {row['unit']}"),
-            PageColumn(tr("95 % interval"), lambda row: f"{number(row['low'])} – {number(row['high'])}"),
-            PageColumn(tr("p, corrected"), lambda row: p_text(row["p_holm"])),
-        )
-        caption = tr(
-            "Differences shown, {n} of {n_all} numbers that were tested (movement_differences.parquet).",
-            n=len(shown),
-            n_all=len(rows),
-        )
-        return table_of(caption, columns, shown.to_dict("records"))
-
 
 def read_movement(results: StudyResults) -> StudyMovement:
     """Read the study's tables of movement under the leading model; InputError where one is another table.
@@ -95,7 +62,7 @@ def read_movement(results: StudyResults) -> StudyMovement:
     Ranges are of hands that count in statistics, in recordings that calibrate as well.
     """
     model = results.leading
-    measured = _frame(results, RANGES_OF_MOTION, model)
+    measured = movement_table(results, RANGES_OF_MOTION, model)
     roles: dict[str, set[str]] = defaultdict(set)
     for recording in results.shown:
         roles[recording.task].add(recording.role)
@@ -109,15 +76,15 @@ def read_movement(results: StudyResults) -> StudyMovement:
     return StudyMovement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
-        differences=_frame(results, MOVEMENT_DIFFERENCES, model),
-        reliability=_frame(results, MOVEMENT_RELIABILITY, model),
+        differences=movement_table(results, MOVEMENT_DIFFERENCES, model),
+        reliability=movement_table(results, MOVEMENT_RELIABILITY, model),
         measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),
         tasks=tasks,
     )
 
 
-def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
+def movement_table(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
     """The table's rows of a model; none where the study has no such table."""
     names = [column.name for column in table.columns]
     path = results.paths.study_table(table.name)

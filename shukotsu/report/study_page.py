@@ -17,7 +17,8 @@ from markupsafe import Markup
 from shukotsu.errors import InputError
 from shukotsu.report.belief import reasons_of
 from shukotsu.report.figures.panels import page_picture, taken_failures
-from shukotsu.report.figures.study_figures import joints_in_order, model_panels, range_panels
+from shukotsu.report.figures.study_figures import group_panels, joints_in_order, model_panels, range_panels
+from shukotsu.report.group_results import compared_factors
 from shukotsu.report.judged_models import REPLAY, big_numbers, model_to_take, used_text
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import StudyMovement
@@ -63,6 +64,7 @@ class SubjectCard(NamedTuple):
 def render_study(results: StudyResults, study: Study, movement: StudyMovement | None = None) -> str:
     """Return the study's page; the same results give the same text."""
     panels = model_panels(results)
+    factors = compared_factors(results, study, movement) if movement else []
     replay = panels.pop(REPLAY, None)
     with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
@@ -71,6 +73,9 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         "view": _front(results),
         "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
         "models": [(panel.heading, page_picture(panel)) for panel in panels.values()],
+        "groups": [
+            (panel.heading, page_picture(panel)) for panel in group_panels(factors, len(results.subjects))
+        ],
         "replay": page_picture(replay) if replay else None,
         "ranges": {
             words: [page_picture(panel) for panel in of_task]
@@ -91,7 +96,7 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         classes=[f"< {ends[0]}", *(f"{low}–{high}" for low, high in pairwise(ends)), f"> {ends[-1]}"],
         problems=all_problems(results),
         accepted=faults_listed(results.accepted),
-        differences=movement.differences_table() if movement else None,
+        factors=factors,
         subjects=[_card(results, who) for who in results.sessions],
         lengths=lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,

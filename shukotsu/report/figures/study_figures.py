@@ -39,6 +39,7 @@ from shukotsu.report.figures.panels import (
     value_scale,
 )
 from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, apply_style, label, wrap_text
+from shukotsu.report.group_results import ComparedFactor, compared_factors
 from shukotsu.report.judged_models import (
     LEFT_OUT,
     PRIOR,
@@ -58,6 +59,7 @@ from shukotsu.report.templates import plain
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
+from shukotsu.study.study import Study
 from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import replacing, write_text
@@ -81,7 +83,7 @@ class Drawing:
     missing: str = ""
 
 
-def of_study(results: StudyResults) -> Iterator[Drawing]:
+def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
     """Draw the study's figures, STUDY_FIGURES in turn."""
     movement = read_movement(results)
     draw: dict[str, Callable[[], tuple[Figure, str]]] = {
@@ -89,6 +91,7 @@ def of_study(results: StudyResults) -> Iterator[Drawing]:
         "joint-errors": lambda: joint_errors(results),
         "joint-trust": lambda: joint_trust(results),
         "ranges-of-motion": lambda: ranges_of_motion(results, movement),
+        "groups": lambda: groups(results, study, movement),
     }
     for name in STUDY_FIGURES:
         yield draw_figure(name, draw[name])
@@ -425,6 +428,44 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
         study_text=study_text(results),
         model=movement.model,
     )
+
+
+def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Panel]:
+    """Return a panel for each number that is drawn of the study's factors: a row a level, a dot a subject."""
+    panels = []
+    for drawn in (each for factor in factors for each in factor.drawn):
+        looks = _looks_of_levels(drawn.levels)
+        rows = [
+            PanelRow(level, looks[level], numbers, float(np.mean([*numbers.values()])))
+            for level, numbers in drawn.levels.items()
+            if numbers
+        ]
+        values = [value for row in rows for value in row.values()]
+        scale = value_scale(values) if min(values) >= 0 else Scale(min(values) - 1.0, max(values) + 1.0)
+        draw_in = _draw_models if drawn.paired else draw_rows
+        draw = partial(draw_in, rows=rows, axis=drawn.axis, scale=scale, of_all=n_subjects)
+        panels.append(Panel(drawn.title, drawn.title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+    return panels
+
+
+def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tuple[Figure, str]:
+    """Draw the groups side by side. Raises NoDataError where no two levels have numbers."""
+    factors = compared_factors(results, study, movement)
+    panels = group_panels(factors, len(results.subjects))
+    if not panels:
+        reasons = [f"{factor.name}: {factor.reason}" for factor in factors]
+        raise NoDataError("; ".join(reasons) or tr("the study file names no factors"))
+    return print_figure(in_rows(panels, 2)), tr(
+        "Levels of the study's factors: the numbers that the study file names, and those that differ most. "
+        "{study_text} Model {model}. A dot is a subject, the mean over trials and sessions; where subjects "
+        "have both levels a line goes through their dots; mark: mean. Tests stand in movement_differences.",
+        study_text=study_text(results),
+        model=movement.model,
+    )
+
+
+def _looks_of_levels(levels: Iterable[str]) -> dict[str, Look]:
+    return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
 
 
 def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Panel | None:

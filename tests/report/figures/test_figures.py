@@ -121,11 +121,11 @@ def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
     assert 0 < faces.count(PAPER) < len(faces)
 
 
-def test_a_study_without_any_score_says_so(twelve: StudyResults) -> None:
+def test_a_study_without_any_score_says_so(twelve: StudyResults, fitted_study: MadeStudy) -> None:
     empty = compared(replace(twelve, scores=[], joint_errors=[], joints=[], bones=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
         models(empty)
-    drawings = list(of_study(empty))
+    drawings = list(of_study(empty, fitted_study.study))
     assert [drawing.name for drawing in drawings] == list(STUDY_FIGURES)
     for drawing in drawings:
         words = " ".join(text.get_text() for text in drawing.figure.texts)
