@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
 
 from shukotsu.errors import InputError
-from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
+from shukotsu.report.belief import BELIEFS, BELIEVED, NO_JOINT, belief
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import (
     DASH,
@@ -57,12 +58,12 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     names = _in_order(results, {name for bones in of_hands.values() for name in bones})
     rows = tuple(
         (
-            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
-            word(hand.hand),
-            _count_believed(results, hand, bones),
-            *(_length(bones.get(name)) for name in names),
+            anchor(link(of[0].who.label, results.paths.report, results.paths.subject_page(*of[0].who))),
+            word(of[0].hand) if len(of) == 1 else tr("both, shared"),
+            "; ".join(dict.fromkeys(_count_believed(results, hand, of_hands[hand]) for hand in of)),
+            *(_length(_worst([of_hands[hand].get(name) for hand in of])) for name in names),
         )
-        for hand, bones in of_hands.items()
+        for of in _sharing_lengths(of_hands)
     )
     header = (tr("Subject"), tr("Hand"), tr("Believed"))
     return DataTable(
@@ -71,6 +72,25 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         () if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
     )
+
+
+def _sharing_lengths(of_hands: Mapping[Hand, dict[str, Row]]) -> list[list[Hand]]:
+    """Return hands, both of a person together where every length of one is the other's."""
+    groups: dict[object, list[Hand]] = {}
+    for hand, bones in of_hands.items():
+        lengths = tuple((name, row["length_mm"], row["sd_mm"]) for name, row in sorted(bones.items()))
+        groups.setdefault((hand.who, lengths or hand), []).append(hand)
+    return [*groups.values()]
+
+
+def lengths_are_shared(results: StudyResults, hands: Sequence[Hand], model: str) -> bool:
+    """Return whether both hands have one set of bone lengths, as models have that share them."""
+    return len(hands) > len(_sharing_lengths({hand: _named_bones(results, hand, model) for hand in hands}))
+
+
+def _worst(rows: Sequence[Row | None]) -> Row | None:
+    there = [row for row in rows if row is not None]
+    return max(there, key=lambda row: BELIEFS.index(belief(row)), default=None)
 
 
 def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:

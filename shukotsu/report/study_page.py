@@ -15,11 +15,18 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from shukotsu.errors import InputError
-from shukotsu.report.belief import reasons_of
+from shukotsu.report.belief import joint_anchor, reasons_of
 from shukotsu.report.figures.panels import page_picture, taken_failures
 from shukotsu.report.figures.study_figures import group_panels, joints_in_order, model_panels, range_panels
 from shukotsu.report.group_results import compared_factors
-from shukotsu.report.judged_models import REPLAY, big_numbers, model_to_take, used_text
+from shukotsu.report.judged_models import (
+    REPLAY,
+    big_numbers,
+    doubted_text,
+    model_to_take,
+    next_text,
+    used_text,
+)
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import StudyMovement
 from shukotsu.report.provenance import all_problems, faults_listed
@@ -90,6 +97,8 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         used=used_text(results),
         numbers=big_numbers(results),
         take=model_to_take(results),
+        doubted=doubted_text(results),
+        next=next_text(results),
         model=results.leading,
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),
@@ -178,12 +187,16 @@ _WRIST_MM, _USUAL_MM = 30.0, 25.0
 
 @dataclass(frozen=True)
 class JointCell:
-    """A joint of a hand. level : class of colour, -1 without a stated error. why : what a pointer is told."""
+    """A joint of a hand. level : class of colour, -1 without a stated error. why : what a pointer is told.
+
+    href : where its row on the subject's page is.
+    """
 
     sd: str
     level: int
     mark: str
     why: str = ""
+    href: str = ""
 
 
 @dataclass(frozen=True)
@@ -219,7 +232,10 @@ def joint_picture(results: StudyResults) -> JointPicture | None:
     rows = []
     for hand, row_of in of_hand.items():
         to = link(hand.who.label, page, results.paths.subject_page(*hand.who))
-        cells = tuple(_cell([row_of[joint]]) if joint in row_of else None for joint in joints)
+        cells = tuple(
+            _cell([row_of[joint]], f"{to.href}#{joint_anchor(hand, joint)}") if joint in row_of else None
+            for joint in joints
+        )
         rows.append(JointRow(to, word(hand.hand), cells, believed_text([*row_of.values()])))
     parts = [joint.rpartition("_") for joint in joints]
     digits = [(word(digit), len(list(group))) for digit, group in groupby(digit for digit, _, _ in parts)]
@@ -234,7 +250,7 @@ def believed_text(rows: Sequence[Row]) -> str:
     return f"{sum(row['verdict'] == BELIEVE for row in rows)}/{len(rows)}"
 
 
-def _cell(rows: Sequence[Row]) -> JointCell | None:
+def _cell(rows: Sequence[Row], href: str = "") -> JointCell | None:
     """A joint; of several hands the median error and the middle verdict, of two the worse."""
     if not rows:
         return None
@@ -243,7 +259,7 @@ def _cell(rows: Sequence[Row]) -> JointCell | None:
     verdict = sorted((row["verdict"] for row in rows), key=list(MARKS).index)[len(rows) // 2]
     level = -1 if sd is None else sum(sd >= end for end in CLASSES_MM)
     why = "; ".join(reasons_of(rows[0])) if verdict != BELIEVE and len(rows) == 1 else ""
-    return JointCell(format_value("sd_mm", sd), level, MARKS[verdict], why)
+    return JointCell(format_value("sd_mm", sd), level, MARKS[verdict], why, href)
 
 
 def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:

@@ -29,7 +29,13 @@ from shukotsu.report.score_tables import (
     table_title,
     truth_table,
 )
-from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measured_table, receiver_tables
+from shukotsu.report.skeleton_tables import (
+    bone_table,
+    lengths_are_shared,
+    measured_ranges,
+    measured_table,
+    receiver_tables,
+)
 from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded, link
@@ -66,6 +72,7 @@ def render_subject(results: StudyResults) -> str:
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         truth=truth_table(results, who),
         lengths=page_picture(lengths) if lengths else "",
+        shared=lengths_are_shared(results, hands, results.leading),
         folded=_folded_tables(results, who),
     )
 

@@ -29,14 +29,14 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES: Mapping[str, Quantity] = {
-    "sd_mm": Quantity(N_("SD of the centre"), "mm", 2),
+    "sd_mm": Quantity(N_("SD of the centre"), "mm", 1),
     "range_deg": Quantity(N_("Moved"), "deg", 1),
     "gap_rms_mm": Quantity(N_("Gap rms"), "mm", 2),
     "gap_rms_free_mm": Quantity(N_("Free gap rms"), "mm", 2),
     "axis_plane_deg": Quantity(N_("Axis to plane"), "deg", 1),
     "correction_mm": Quantity(N_("Correction"), "mm", 1),
-    "error_mm": Quantity(N_("Joint against the truth"), "mm", 2),
-    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 2),
+    "error_mm": Quantity(N_("Joint against the truth"), "mm", 1),
+    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 1),
     "metacarpal_deg": Quantity(N_("Metacarpal direction against the truth"), "deg", 2),
     "left_out_mean_mm": Quantity(N_("Distal receivers left out"), "mm", 2),
     "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),

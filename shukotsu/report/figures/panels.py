@@ -41,7 +41,7 @@ from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_
 from shukotsu.report.table_cells import number
 from shukotsu.translation import ENGLISH, language, listed, tr, translated, word
 
-PAGE_MM = 106.0
+PAGE_MM = 84.0
 """How wide a page's picture is before the page gives it its width."""
 ROW_MM, FOOT_MM = 3.6, 9.0
 """Heights of a row, and of the words below the axes."""
