@@ -126,7 +126,13 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
         *(quantity_column(name) for name in _NUMBERS if any(row[name] is not None for row in rows)),
         PageColumn(tr("Why"), lambda row: "; ".join(reasons_of(row)), is_text=True),
     )
-    return table_of(tr("Joints of {hand}, {model}.", model=model, hand=hand), columns, rows, tr(NO_JOINT))
+    return table_of(
+        tr("Joints of {hand}, {model}.", model=model, hand=hand),
+        columns,
+        rows,
+        tr(NO_JOINT),
+        source="joint_centres",
+    )
 
 
 def joint_anchor(hand: Hand, joint: str) -> str:
@@ -182,16 +188,14 @@ def action_text(quantity: str) -> str:
 
 def gain_lines(rows: Sequence[Row]) -> list[str]:
     """Return what to record or measure next of a hand, a sentence a row of gains, at most three."""
-    lines = []
-    for row in rows[:MOST_GAINS]:
-        lines.append(
-            tr(
-                "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
-                "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
-                **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
-                action=capital(action_text(row["quantity"])),
-                before=number(row["mean_sd_before_mm"]),
-                after=number(row["mean_sd_after_mm"]),
-            )
+    return [
+        tr(
+            "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
+            "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
+            **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
+            action=capital(action_text(row["quantity"])),
+            before=number(row["mean_sd_before_mm"]),
+            after=number(row["mean_sd_after_mm"]),
         )
-    return lines
+        for row in rows[:MOST_GAINS]
+    ]

@@ -130,7 +130,7 @@ def _table(factor: str, rows: Sequence[Row], asked: Sequence[str]) -> DataTable:
         factor=factor,
         n=MOST_SHOWN,
     )
-    return DataTable(caption, tuple(blocks), tuple(notes), frozenset({0, 1, 2, 7}))
+    return DataTable(caption, tuple(blocks), tuple(notes), frozenset({0, 1, 2, 7}), "movement_differences")
 
 
 def _cells(row: Row) -> tuple[str, ...]:

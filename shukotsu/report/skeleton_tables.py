@@ -27,7 +27,7 @@ from shukotsu.report.table_cells import (
 )
 from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.parts import Part, read_part
-from shukotsu.tables.subjects import Hand
+from shukotsu.tables.subjects import Hand, path_token
 from shukotsu.tables.typed_table import rows_of
 from shukotsu.translation import ngettext, tr, translated, word
 
@@ -49,6 +49,7 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=hand),
         (RowBlock((heading("length_mm"), *results.models), rows),),
         tuple(messages) if rows else (tr("No bone length was computed."),),
+        source="bone_lengths",
     )
 
 
@@ -71,6 +72,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         (RowBlock((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
         () if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
+        "bone_lengths",
     )
 
 
@@ -145,7 +147,18 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         rows = results.receivers_of.get((hand, model), [])
         counts = ngettext("{n} receiver", "{n} receivers", len(rows))
         summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
-        folded.append(Folded(summary, table_of(summary, columns, rows, tr(NO_JOINT))))
+        folded.append(
+            Folded(
+                summary,
+                table_of(
+                    summary,
+                    columns,
+                    rows,
+                    tr(NO_JOINT),
+                    source=f"fits/{hand.hand}/{path_token(model)}/receivers",
+                ),
+            )
+        )
     return folded
 
 
@@ -190,4 +203,4 @@ def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> Da
         error_column(f"{tr('Median')} [deg]", "median", "deg"),
         *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
     )
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, source="ranges_of_motion")

@@ -93,6 +93,7 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         results.add_problem("report", message)
     return render(
         "study.html.j2",
+        tables_at="",
         study=results.name,
         used=used_text(results),
         numbers=big_numbers(results),

@@ -8,6 +8,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from markupsafe import Markup
 
@@ -59,6 +60,7 @@ def render_subject(results: StudyResults) -> str:
     lengths = lengths_panel(results, who, results.leading)
     return render(
         "subject.html.j2",
+        tables_at=f"../../{quote(results.paths.subject(*who).name)}/",
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
         recordings=recording_links(results, page, who),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import quote
 
 from shukotsu.report.belief import belief, believed_counts
 from shukotsu.report.figures.recording_figures import recording_text
@@ -64,10 +65,12 @@ def recording_page(results: RecordingResults) -> str:
         tr("Tip error of the replay, {title}.", title=title),
         columns,
         [row for model in results.models for row in model.tip_errors],
+        source="tip_errors",
     )
     return render(
         "recording_page/page.html.j2",
         title=title,
+        tables_at=f"../../../{quote(results.study.paths.subject(*results.recording.hand.who).name)}/",
         study=results.study.name,
         facts=", ".join(facts),
         said=translated(row["message"]) if motion is not None else "",
@@ -124,7 +127,7 @@ def _evidence(model: ModelResults) -> Folded:
     joints = ngettext("{n} joint", "{n} joints", len(model.joints))
     caption = tr("What the calibration says of each joint, {name}.", name=model.name)
     summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
-    return Folded(summary, table_of(caption, columns, rows))
+    return Folded(summary, table_of(caption, columns, rows, source="joint_solutions"))
 
 
 def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> list[Link]:
