@@ -161,6 +161,7 @@ _DOUBTS = {
     verdict.NOT_SOLVED: N_("not solved"),
 }
 """Why a joint is not simply to be believed, in a few words; any other reason stands at the joint."""
+_OTHER_DOUBT = N_("something is against it")
 MOST_DOUBTS = 3
 
 
@@ -169,7 +170,7 @@ def doubted_text(results: StudyResults) -> str:
     rows = [row for row in _worn_joints(results) if row["verdict"] != verdict.BELIEVE]
     of_reason: dict[str, Counter[str]] = defaultdict(Counter)
     for row in rows:
-        of_reason[tr(_DOUBTS.get(row["reason"], N_("something is against it")))][row["joint"]] += 1
+        of_reason[tr(_DOUBTS.get(row["reason"], _OTHER_DOUBT))][row["joint"]] += 1
     parts = []
     for reason, joints in sorted(of_reason.items(), key=lambda each: -each[1].total())[:MOST_DOUBTS]:
         names = listed(f"{word(joint)} ({n})" if n > 1 else word(joint) for joint, n in joints.most_common())

@@ -80,7 +80,7 @@ def _sharing_lengths(of_hands: Mapping[Hand, dict[str, Row]]) -> list[list[Hand]
     """Return hands, both of a person together where every length of one is the other's."""
     groups: dict[object, list[Hand]] = {}
     for hand, bones in of_hands.items():
-        lengths = tuple((name, row["length_mm"], row["sd_mm"]) for name, row in sorted(bones.items()))
+        lengths = tuple((name, number(row["length_mm"])) for name, row in sorted(bones.items()))
         groups.setdefault((hand.who, lengths or hand), []).append(hand)
     return [*groups.values()]
 

@@ -244,7 +244,7 @@ def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_
             markeredgewidth=0.6, markeredgecolor=PAPER,
         )  # fmt: skip
         if of_all:
-            note = number(middle).replace("-", "−")
+            note = number(middle, 1 if abs(middle) >= 1.0 else 2).replace("-", "−")
             note += f" (n = {len(values)})" if 0 < len(values) < of_all else ""
             _write_aside(axes, y, note, INK)
     if of_all:
