@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from shukotsu.errors import InputError
-from shukotsu.report.belief import BELIEFS, BELIEVED, NO_JOINT, belief
+from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import (
     DASH,
@@ -29,8 +29,9 @@ from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.subjects import Hand, path_token
 from shukotsu.tables.typed_table import rows_of
-from shukotsu.translation import ngettext, tr, translated, word
+from shukotsu.translation import N_, ngettext, tr, translated, word
 
+SHARED = N_("The model ties the bone lengths of a person’s two hands: they are one measurement, not two.")
 _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 
 
@@ -59,40 +60,28 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     names = _in_order(results, {name for bones in of_hands.values() for name in bones})
     rows = tuple(
         (
-            anchor(link(of[0].who.label, results.paths.report, results.paths.subject_page(*of[0].who))),
-            word(of[0].hand) if len(of) == 1 else tr("both, shared"),
-            "; ".join(dict.fromkeys(_count_believed(results, hand, of_hands[hand]) for hand in of)),
-            *(_length(_worst([of_hands[hand].get(name) for hand in of])) for name in names),
+            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
+            word(hand.hand),
+            _count_believed(results, hand, bones),
+            *(_length(bones.get(name)) for name in names),
         )
-        for of in _sharing_lengths(of_hands)
+        for hand, bones in of_hands.items()
     )
+    shared = (tr(SHARED),) if lengths_are_shared(results, results.hands, model) else ()
     header = (tr("Subject"), tr("Hand"), tr("Believed"))
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
         (RowBlock((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
-        () if names else (tr("No bone length was computed."),),
+        shared if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
         "bone_lengths",
     )
 
 
-def _sharing_lengths(of_hands: Mapping[Hand, dict[str, Row]]) -> list[list[Hand]]:
-    """Return hands, both of a person together where every length of one is the other's."""
-    groups: dict[object, list[Hand]] = {}
-    for hand, bones in of_hands.items():
-        lengths = tuple((name, number(row["length_mm"])) for name, row in sorted(bones.items()))
-        groups.setdefault((hand.who, lengths or hand), []).append(hand)
-    return [*groups.values()]
-
-
 def lengths_are_shared(results: StudyResults, hands: Sequence[Hand], model: str) -> bool:
-    """Return whether both hands have one set of bone lengths, as models have that share them."""
-    return len(hands) > len(_sharing_lengths({hand: _named_bones(results, hand, model) for hand in hands}))
-
-
-def _worst(rows: Sequence[Row | None]) -> Row | None:
-    there = [row for row in rows if row is not None]
-    return max(there, key=lambda row: BELIEFS.index(belief(row)), default=None)
+    """Return whether the model ties the lengths of the two hands that some person has among these."""
+    fitting = results.models[model].fitting
+    return fitting is not None and fitting.share_lengths and len({hand.who for hand in hands}) < len(hands)
 
 
 def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:
