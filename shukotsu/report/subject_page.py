@@ -31,6 +31,7 @@ from shukotsu.report.score_tables import (
     truth_table,
 )
 from shukotsu.report.skeleton_tables import (
+    SHARED,
     bone_table,
     lengths_are_shared,
     measured_ranges,
@@ -74,7 +75,7 @@ def render_subject(results: StudyResults) -> str:
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         truth=truth_table(results, who),
         lengths=page_picture(lengths) if lengths else "",
-        shared=lengths_are_shared(results, hands, results.leading),
+        shared=tr(SHARED) if lengths_are_shared(results, hands, results.leading) else "",
         folded=_folded_tables(results, who),
     )
 
