@@ -22,8 +22,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage measure_movement",
-        "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips, and "
-        "which of them struck at an event; in those that only calibrate, ranges.",
+        "Measure movement in every recording: ranges, speeds, cycles, ways of the fingertips, and which of "
+        "them struck at an event.",
         "shukotsu stage measure_movement --poses opposition/poses.parquet "
         "--joint-centres joint_centres.parquet --bone-lengths bone_lengths.parquet "
         "--metacarpals metacarpals.parquet --layout liberty16 --model paper-fig4 --out measured",

@@ -53,7 +53,7 @@ def draw(arguments: argparse.Namespace) -> None:
             folder = folder / recording.hand.folder / recording.name
             drawings = recording_figures.of_recording(results, recording)
         else:
-            drawings = of_study(results)
+            drawings = of_study(results, study)
         for drawing in drawings:
             save(folder, drawing)
             if drawing.missing:

@@ -21,10 +21,12 @@ RETEST_SD_DEG = 2.0
 """How far a session differs from the subject's own number."""
 
 
-def recordings(n_subjects: int, sessions: Sequence[str] = ("1", "2", "3"), trials: int = 1) -> list[Row]:
-    """Recordings of subjects who are in group A and B in turn, all of the right hand's task `play`."""
+def recordings(
+    n_subjects: int, sessions: Sequence[str] = ("1", "2", "3"), trials: int = 1, task: str = "play"
+) -> list[Row]:
+    """Recordings of subjects who are in group A and B in turn, all of one task of the right hand."""
     numbers = [str(trial + 1) for trial in range(trials)] if trials > 1 else [""]
-    constant = {"hand": "right", "task": "play"}
+    constant = {"hand": "right", "task": task}
     return [
         constant | {"subject": f"P{n:02}", "session": session, "trial": trial, "group": "AB"[n % 2]}
         for n, session, trial in product(range(n_subjects), sessions, numbers)

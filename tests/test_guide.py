@@ -17,6 +17,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
+from babel.messages.pofile import read_po
 from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
 
 from shukotsu.study.config_files import json_schema
@@ -154,6 +155,24 @@ def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, 
     before = arguments[: arguments.index("--")] if "--" in arguments else arguments
     options = [argument.partition("=")[0] for argument in before if argument.startswith("--")]
     assert [option for option in options if not re.search(rf"(?<![\w-]){option}(?![\w-])", printed)] == []
+
+
+CATALOGUE = read_po(io.BytesIO((REPOSITORY / "shukotsu/report/languages/ja.po").read_bytes()))
+HEADINGS = {
+    (page.name, words)
+    for page in PAGES
+    for words in re.findall(r"(?<!!\[)“([^”]+)”", re.sub(r"!\[[^\]]*\]", "", prose(page)))
+    if page.name != "CHANGELOG.md"
+}
+
+
+@pytest.mark.parametrize(("page", "words"), sorted(HEADINGS))
+def test_words_that_the_guide_quotes_stand_in_the_report(page: str, words: str) -> None:
+    """As a heading or a button of the pages; the Japanese guide has the words of the Japanese pages."""
+    message = CATALOGUE.get(words)
+    assert message is not None, f"the report nowhere says “{words}”"
+    twin = REPOSITORY / "docs" / page.replace(".md", ".ja.md")
+    assert not twin.exists() or f"「{message.string}」" in twin.read_text("utf-8")
 
 
 STAGES = sorted(path.stem for path in (REPOSITORY / "stages").glob("*.py"))

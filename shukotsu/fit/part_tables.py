@@ -102,32 +102,23 @@ def write_part(
     tables["length_pulls"].rows(part, pull_rows(tips.fit.evidence) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
-    calibrating, tasks = (
-        usable_poses([plan.poses(recording) for recording in recordings])[0]
-        for recordings in (
-            plan.calibrating(part.hand, part.model, part.made_without),
-            plan.evaluated(part.hand, part.made_without),
-        )
-    )
-    if not weighed:
-        for path in tasks:
-            for name, columns in posed_sample(tips, path).items():
-                tables[name].columns(part, columns)
-        return
-    layout, suspect = plan.layouts[part.hand], {plan.poses(recording) for recording in plan.suspect}
-    for path in tasks:
-        # what is declared of a suspect recording is settled first
-        moved = [] if path in suspect else moved_in(tips.fit, read_thinned(path, layout.measured))
-        tables["moved_receivers"].rows(part, moved_rows(layout, recording_name(path), moved))
-        for block in posed_blocks(tips, path, moved, calibrates=path in calibrating):
-            for name, columns in block.items():
-                tables[name].columns(part, columns)
-    if part.made_without or not plan.is_study:
-        return
-    of_calibration = [plan.poses(recording) for recording in plan.recordings_of(part.hand, "calibration")]
-    for path in usable_poses(of_calibration)[0]:  # their angles alone, which have a range of motion too
-        for block in posed_blocks(tips, path, calibrates=True):
-            tables["joint_angles"].columns(part, block["joint_angles"])
+    calibrating = plan.calibrating(part.hand, part.model, part.made_without)
+    layout, recordings = plan.layouts[part.hand], plan.posed if weighed else plan.evaluated
+    for recording in recordings(part.hand, part.made_without):
+        for path in usable_poses([plan.poses(recording)])[0]:
+            if not weighed:
+                for name, columns in posed_sample(tips, path).items():
+                    tables[name].columns(part, columns)
+                continue
+            only_calibrates, moved = recording.role == "calibration", []
+            # what is declared of a suspect recording is settled first; the fit has looked at its calibration
+            if not only_calibrates and recording not in plan.suspect:
+                moved = moved_in(tips.fit, read_thinned(path, layout.measured))
+            tables["moved_receivers"].rows(part, moved_rows(layout, recording_name(path), moved))
+            calibrates = only_calibrates or recording in calibrating
+            for block in posed_blocks(tips, path, moved, calibrates=calibrates):
+                for name, columns in block.items():
+                    tables[name].columns(part, columns)
 
 
 BLOCK_FRAMES = 1 << 14

@@ -186,10 +186,10 @@ class RecordingReader:
     def _posed(self, table: Table, columns: Sequence[str], poses: Poses) -> dict[str, Array]:
         numbers = self.numbers(table, columns, poses.frame)
         if len(poses.frame) and not numbers:
-            why = "nothing of it could be posed; the study's table of problems says why"
-            if self.recording.role == "calibration":
-                why = "only recordings of role evaluation or both are posed; give it one of these roles"
-            raise InputError(f"{self.tables(table.name)}: has no row of {self.recording.name}; {why}")
+            raise InputError(
+                f"{self.tables(table.name)}: has no row of {self.recording.name}; nothing of it could be "
+                "posed; the study's table of problems says why"
+            )
         return numbers
 
 

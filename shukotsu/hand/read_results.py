@@ -78,8 +78,8 @@ def pose(
     """Pose a hand's bones in one of its recordings, as a study's results have them under a model.
 
     results : the study's folder, such as results/demo; it may have been moved. hand : right or left.
-    Raises InputError where the study has no such subject, recording or model, where a table is absent or its
-    making failed, and where the recording only calibrates and so is not posed.
+    Raises InputError where the study has no such subject, recording or model, and where a table is absent or
+    its making failed.
     """
     plan = _plan_in_place(Results(Path(results)).plan(subject, session))
     recording = _recording(plan, hand, task, trial)

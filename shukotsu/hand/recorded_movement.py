@@ -132,11 +132,8 @@ def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
     return {} if solved else {joint: row["message"] for joint, row in rows.items()}
 
 
-def read_movement(reader: RecordingReader, *, with_tips: bool = True) -> RecordedMovement:
-    """Pass over a recording. Raises InputError where a table cannot be read.
-
-    with_tips : False of one that only calibrates, in which a fit says the angles and poses no bones.
-    """
+def read_movement(reader: RecordingReader) -> RecordedMovement:
+    """Pass over a recording. Raises InputError where a table cannot be read."""
     layout, hand = reader.layout, reader.part.hand
     facing: dict[int, Array] = {}
     if not reader.is_fitted:
@@ -151,8 +148,6 @@ def read_movement(reader: RecordingReader, *, with_tips: bool = True) -> Recorde
     for poses in reader.pose_blocks():
         rows = slice(start, start + len(poses.frame))
         frame[rows], time_s[rows], start = poses.frame, poses.time_s, rows.stop
-        if reader.is_fitted and not with_tips:
-            continue
         bones = reader.bones(poses)
         block_tips = _fingertips(reader, poses, bones)
         by_base = {layout.digits[name].base: layout.digits[name] for name in block_tips}

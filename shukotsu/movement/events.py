@@ -132,8 +132,7 @@ def events_of(
             timed = TimedEvent(row, weak.get(place(row), ""))
             by_recording.setdefault((row["task"], row["trial"]), []).append(timed)
     return {
-        recording: by_recording.get((recording.task, recording.trial), [])
-        for recording in plan.evaluated(hand)
+        recording: by_recording.get((recording.task, recording.trial), []) for recording in plan.posed(hand)
     }
 
 

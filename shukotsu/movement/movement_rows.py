@@ -222,16 +222,11 @@ def measure_hand(
             for cycle in of_event
         ]
         tables[CYCLES].rows(plan.part(hand), rows)
-    # what only calibrates can be posed without the tables of its metacarpals
-    has_metacarpals = any(digit.metacarpal for digit in plan.layouts[hand].digits.values())
     for part in (part for part in plan.whole_parts if part.hand == hand):
-        recordings = [*plan.evaluated(hand)]
-        if not has_metacarpals or plan.models[part.model].fitting is not None:
-            recordings += plan.recordings_of(hand, "calibration")
         with subject_stage.recording_failure(arguments, part, *by_model):
             for table in by_model:
                 table.rows(part, [])
-            for recording in recordings:
+            for recording in plan.posed(hand):
                 if usable_poses([plan.poses(recording)])[0]:  # else the recordings table says why
                     _measure_recording(plan, part, recording, events.get(recording, ()), tables)
 
@@ -243,22 +238,19 @@ def _measure_recording(
     events: Sequence[TimedEvent],
     tables: Mapping[str, PartsWriter],
 ) -> None:
-    """Write the rows of one recording, ranges alone where it only calibrates."""
-    reader, evaluated = recording_reader(plan, recording, part.model), recording.role != "calibration"
+    """Write the rows of one recording."""
+    reader = recording_reader(plan, recording, part.model)
 
     def write(name: str, rows: Iterable[dict[str, Any]]) -> None:
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
 
     if reasons := unsolved_joints(reader):
-        write("ranges_of_motion", left_out_rows(reasons) if evaluated else ())
+        write("ranges_of_motion", left_out_rows(reasons))
         return
-    movement = read_movement(reader, with_tips=evaluated)
+    movement = read_movement(reader)
     grid = grid_of(movement.time_s)
     ranges = [row for series in movement.joints() for row in range_rows(series, grid)]
     ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
-    if not evaluated:
-        write("ranges_of_motion", ranges)
-        return
     write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
     write("fingertip_paths", path_rows(movement.fingertips, grid, movement.pathless))
     if strokes := struck_events(recording, events, [*reader.layout.digits]):

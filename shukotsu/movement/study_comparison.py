@@ -43,6 +43,7 @@ from shukotsu.tables.catalogue import (
     RANGES_OF_MOTION,
 )
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+from shukotsu.translation import tr
 
 
 @dataclass(frozen=True)
@@ -302,6 +303,7 @@ def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
     row: Row = {"n": n, "n_other": m, "left_out": n_left_out, "left_out_reason": reason, "message": ""}
     if n and m:
         row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
+        row |= {"sd": float(first.std()), "other_sd": float(other.std())}
         row["difference"] = row["mean"] - row["other_mean"]
     result: Difference | None = None
     if is_within and n:
@@ -318,16 +320,25 @@ def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
             "effect_low": low,
             "effect_high": high,
         }
-    if min(n, m) == 0:
-        row["message"] = f"no subject has a value at {'both levels' if is_within else 'one of the levels'}"
-    elif is_within and n < FEWEST_SUBJECTS:
-        row["message"] = f"not tested: {n} with both levels, a test needs {FEWEST_SUBJECTS} subjects"
-    elif not is_within and min(n, m) < FEWEST_IN_GROUP:
-        row["message"] = f"not tested: groups of {n} and {m} subjects, a test needs {FEWEST_IN_GROUP} in each"
-    elif result is not None:
+    row["message"] = why_untested(pair.design, n, m)
+    if not row["message"] and result is not None:
         row |= {"p": result.p, "test": "signs flipped" if is_within else "Welch's t, Cochran's p"}
         row["low"], row["high"] = result.interval or (None, None)
     return row
+
+
+def why_untested(design: str, n: int, m: int) -> str:
+    """Write why so many subjects at two levels are not tested, or nothing, in the language in use."""
+    if min(n, m) == 0:
+        if design == WITHIN:
+            return tr("no subject has a value at both levels")
+        return tr("no subject has a value at one of the levels")
+    if design == WITHIN and n < FEWEST_SUBJECTS:
+        return tr("not tested: {n} with both levels, a test needs {k} subjects", n=n, k=FEWEST_SUBJECTS)
+    if design == BETWEEN and min(n, m) < FEWEST_IN_GROUP:
+        k = FEWEST_IN_GROUP
+        return tr("not tested: groups of {n} and {m} subjects, a test needs {k} in each", n=n, m=m, k=k)
+    return ""
 
 
 CELL = ["hand", "task", "model", "of"]

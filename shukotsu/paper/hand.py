@@ -626,7 +626,7 @@ def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter])
     tables["joint_centres"].rows(part, [{**row, **keys} for row in hand.joints], **parameters)
     tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     tables["metacarpals"].rows(part, [], **parameters)
-    for recording in plan.evaluated(part.hand, part.made_without):
+    for recording in plan.posed(part.hand, part.made_without):
         _pose_recording(plan, part, hand, recording, tables["metacarpals"])
 
 

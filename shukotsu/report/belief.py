@@ -6,9 +6,18 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from markupsafe import Markup
+
 from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, PlotMark
 from shukotsu.report.study_results import Row, StudyResults
-from shukotsu.report.table_cells import DataTable, PageColumn, number, quantity_column, table_of, text_column
+from shukotsu.report.table_cells import (
+    DataTable,
+    PageColumn,
+    capital,
+    number,
+    quantity_column,
+    table_of,
+)
 from shukotsu.study import verdict
 from shukotsu.study.findings import PROBLEMS
 from shukotsu.study.layout import Layout
@@ -108,12 +117,33 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     """Tabulate a hand's joints under a model: verdict, the numbers that any joint has, reasons for doubt."""
     rows = results.joints_of.get((hand, model), [])
     columns = (
-        text_column(tr("Joint"), "joint"),
+        PageColumn(
+            tr("Joint"),
+            lambda row: _row_anchor(hand, row["joint"], marked=model == results.leading),
+            is_text=True,
+        ),
         PageColumn(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
         *(quantity_column(name) for name in _NUMBERS if any(row[name] is not None for row in rows)),
         PageColumn(tr("Why"), lambda row: "; ".join(reasons_of(row)), is_text=True),
     )
-    return table_of(tr("Joints of {hand}, {model}.", model=model, hand=hand), columns, rows, tr(NO_JOINT))
+    return table_of(
+        tr("Joints of {hand}, {model}.", model=model, hand=hand),
+        columns,
+        rows,
+        tr(NO_JOINT),
+        source="joint_centres",
+    )
+
+
+def joint_anchor(hand: Hand, joint: str) -> str:
+    """Return the name by which a link finds a joint's row on its subject's page."""
+    return f"{hand.hand}-{joint}"
+
+
+def _row_anchor(hand: Hand, joint: str, *, marked: bool) -> str:
+    if not marked:
+        return word(joint)
+    return Markup('<span id="{}">{}</span>').format(joint_anchor(hand, joint), word(joint))
 
 
 def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
@@ -176,32 +206,35 @@ def near_lines(rows: Iterable[Row], gains: Sequence[Row], layout: Layout) -> lis
 MOST_GAINS = 3
 
 _PARTS = {
-    "along": N_("Measuring how far along the {bone} its receiver sits"),
-    "lateral": N_("Measuring how far to the side of the {bone} its receiver sits"),
-    "height": N_("Measuring how high over the {bone} its receiver sits"),
-    "distal": N_("Measuring how far from the next joint the receiver of the {bone} sits"),
-    "touch": N_("Touching a known point with the {bone} fingertip"),
-    "": N_("Measuring the {bone}"),
+    "along": N_("measuring how far along the {bone} its receiver sits"),
+    "lateral": N_("measuring how far to the side of the {bone} its receiver sits"),
+    "height": N_("measuring how high over the {bone} its receiver sits"),
+    "distal": N_("measuring how far from the next joint the receiver of the {bone} sits"),
+    "touch": N_("touching a known point with the {bone} fingertip"),
+    "": N_("measuring the {bone} with a calliper"),
 }
 """By the part of a quantity of the table gains, as measurements.tsv has them: what is to be done."""
 
 
+def action_text(quantity: str) -> str:
+    """Write what is to be measured or done for a quantity of the table gains."""
+    segment, _, part = quantity.partition(".")
+    bone = word(segment).replace("_", " ")
+    if bone.endswith(("proximal", "middle", "distal")) and part != "touch":
+        bone += " phalanx"
+    return tr(_PARTS[part], bone=bone)
+
+
 def gain_lines(rows: Sequence[Row]) -> list[str]:
     """Return what to record or measure next of a hand, a sentence a row of gains, at most three."""
-    lines = []
-    for row in rows[:MOST_GAINS]:
-        segment, _, part = row["quantity"].partition(".")
-        bone = word(segment).replace("_", " ")
-        if bone.endswith(("proximal", "middle", "distal")) and part != "touch":
-            bone += " phalanx"
-        lines.append(
-            tr(
-                "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
-                "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
-                **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
-                action=tr(_PARTS[part], bone=bone),
-                before=number(row["mean_sd_before_mm"]),
-                after=number(row["mean_sd_after_mm"]),
-            )
+    return [
+        tr(
+            "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
+            "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
+            **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
+            action=capital(action_text(row["quantity"])),
+            before=number(row["mean_sd_before_mm"]),
+            after=number(row["mean_sd_after_mm"]),
         )
-    return lines
+        for row in rows[:MOST_GAINS]
+    ]

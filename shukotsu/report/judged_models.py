@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
 
+from shukotsu.report.belief import action_text
 from shukotsu.report.provenance import all_problems
 from shukotsu.report.study_results import Row, StudyResults, hand_of
-from shukotsu.report.table_cells import DASH, format_value, p_text
+from shukotsu.report.table_cells import DASH, format_value, number, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
 from shukotsu.study.model import the_papers
-from shukotsu.translation import listed, ngettext, tr, word
+from shukotsu.translation import N_, listed, ngettext, tr, word
 
 ALL_DIGITS = ""
 PRIOR = "prior-only"
@@ -87,19 +88,13 @@ def model_to_take(results: StudyResults) -> str:
             "No model can be chosen here: nothing but a fit of the whole hand or a known truth judges a "
             "skeleton; add whole-hand to the study's models."
         )
-    ours = [row for row in judged.differences if row["model"] == leading]
-    if not ours:
+    row = _deciding_difference(results, judged)
+    if row is None:
         values = [*judged.values[leading].values()]
         claim = _amount(judged, leading, sum(values) / len(values))
         subjects = ngettext("{n} subject", "{n} subjects", len(values))
         return tr("{claim} ({test}).", claim=claim, test=subjects)
-    paper = the_papers(results.models.values())
-    row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
-    if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
-        leading = row["other"]
-        pair = leading, row["model"]
-        row = next(each for each in judged.differences if (each["model"], each["other"]) == pair)
-    sentence = _amount(judged, leading, row["mean"])
+    sentence = _amount(judged, row["model"], row["mean"])
     amounts = {"other": row["other"], "amount": format_value(judged.metric, row["other_mean"])}
     if row["other"] == PRIOR:
         sentence += tr("; anatomy alone, without data, by {amount} mm", **amounts)
@@ -113,6 +108,26 @@ def model_to_take(results: StudyResults) -> str:
     else:
         test = tr("{subjects}; {p}, corrected by Holm", subjects=test, p=p_text(row["p_holm"]))
     return tr("{claim} ({test}).", claim=sentence, test=test)
+
+
+def _deciding_difference(results: StudyResults, judged: JudgedModels) -> Row | None:
+    """Return the difference of the model to take from the best of the others; None where none was made."""
+    ours = [row for row in judged.differences if row["model"] == results.leading]
+    if not ours:
+        return None
+    paper = the_papers(results.models.values())
+    row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
+    if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
+        pair = row["other"], row["model"]
+        return next(each for each in judged.differences if (each["model"], each["other"]) == pair)
+    return row
+
+
+def taken_model(results: StudyResults) -> str:
+    """Return the model that `model_to_take` names, else the one that pages show first."""
+    judged = next((each for each in judged_models(results) if each.judges), None)
+    row = None if judged is None else _deciding_difference(results, judged)
+    return results.leading if row is None else str(row["model"])
 
 
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:
@@ -133,6 +148,76 @@ class BigNumber(NamedTuple):
     value: str
     unit: str
     of: str
+
+
+_DOUBTS = {
+    verdict.BY_ANATOMY: N_("placed by anatomy rather than the recording"),
+    verdict.MOVED_LITTLE: N_("moved too little"),
+    verdict.UNCERTAIN: N_("known less well than asked"),
+    verdict.ONE_WAY: N_("known less well than asked"),
+    verdict.HALVES: N_("its two receivers disagree"),
+    verdict.NO_POSE: N_("a receiver beside it is silent or not worn"),
+    verdict.ONE_RECEIVER: N_("a receiver beside it is silent or not worn"),
+    verdict.NOT_SOLVED: N_("not solved"),
+}
+"""Why a joint is not simply to be believed, in a few words; any other reason stands at the joint."""
+_OTHER_DOUBT = N_("something is against it")
+MOST_DOUBTS = 3
+
+
+def doubted_text(results: StudyResults) -> str:
+    """Return in a line which joints are to be taken with care, or not at all, and why; empty without any."""
+    rows = [row for row in _worn_joints(results) if row["verdict"] != verdict.BELIEVE]
+    of_reason: dict[str, Counter[str]] = defaultdict(Counter)
+    for row in rows:
+        of_reason[tr(_DOUBTS.get(row["reason"], _OTHER_DOUBT))][row["joint"]] += 1
+    parts = []
+    for reason, joints in sorted(of_reason.items(), key=lambda each: -each[1].total())[:MOST_DOUBTS]:
+        names = listed(f"{word(joint)} ({n})" if n > 1 else word(joint) for joint, n in joints.most_common())
+        parts.append(f"{names}: {reason}")
+    return tr("With care, and in how many hands: {parts}.", parts="; ".join(parts)) if parts else ""
+
+
+def next_text(results: StudyResults) -> str:
+    """Return the one thing to do next that helps most, in words of the hand if any helps; or nothing."""
+    if results.findings:
+        return tr("Next: settle the problems below, which cost whole recordings.")
+    still = Counter(row["joint"] for row in _worn_joints(results) if row["reason"] == verdict.MOVED_LITTLE)
+    if still:
+        joint = still.most_common(1)[0][0]
+        digit = joint.partition("_")[0]
+        if joint == "thumb_cmc":
+            return tr(
+                "Next: record again and circle the thumb alone for 10 s, so that {joint} moves.", joint=joint
+            )
+        return tr(
+            "Next: record again and bend and straighten the {digit} alone for 10 s, so that {joint} moves.",
+            digit=digit,
+            joint=joint,
+        )
+    gained = [row for rows in results.gains_of.values() for row in rows if row["model"] == results.leading]
+    if not gained or not doubted_text(results):
+        return ""
+    gain_of: dict[str, float] = defaultdict(float)
+    for row in gained:
+        gain_of[row["quantity"]] += row["mean_sd_before_mm"] - row["mean_sd_after_mm"]
+    of_hand = [name for name in gain_of if "." not in name or name.endswith(".touch")]
+    best = max(of_hand or gain_of, key=lambda name: gain_of[name])
+    row = max((row for row in gained if row["quantity"] == best), key=lambda row: row["mean_sd_before_mm"])
+    return tr(
+        "Next: {action}, to within {sd_mm:.1f} mm; it takes the mean error of a hand’s joints from {before} "
+        "to {after} mm.",
+        action=action_text(best),
+        sd_mm=row["sd_mm"],
+        before=number(row["mean_sd_before_mm"]),
+        after=number(row["mean_sd_after_mm"]),
+    )
+
+
+def _worn_joints(results: StudyResults) -> list[Row]:
+    """Rows of joints under the leading model that count and for which a receiver was worn."""
+    rows = (row for row in results.judging.joints if row["model"] == results.leading)
+    return [row for row in rows if row["reason"] != verdict.NOT_WORN]
 
 
 def used_text(results: StudyResults) -> str:

@@ -1,7 +1,9 @@
-"""Read the study's tables of movement under one model; what of it differs between levels of a factor."""
+"""Read the study's tables of movement under one model."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -9,19 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.report.belief import NOT, study_beliefs
-from shukotsu.report.study_results import StudyResults, recording_key
-from shukotsu.report.table_cells import DataTable, PageColumn, number, p_text, table_of, text_column
+from shukotsu.report.belief import study_beliefs
+from shukotsu.report.study_results import StudyResults
 from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
 from shukotsu.tables.typed_table import Table, read_table
-from shukotsu.translation import tr
 
 if TYPE_CHECKING:
     import pandas as pd
 
 RANGE = "range_deg"
 """The quantity that is drawn; all others stand in tables."""
-PLACE = ["hand", "task"]
 OF_ANGLE = ["joint", "angle"]
 SUBJECT = ["subject", "session", "hand"]
 
@@ -31,8 +30,9 @@ class StudyMovement:
     """A study's movement under one model, hands with a suspect finding left out.
 
     ranges : a row a recording and angle. differences, reliability : of that model. believed : one of BELIEFS
-    by joint. measured : whether any recording has joint angles, counted
-    or not. A frame without rows is that of a table that is empty or not there.
+    by joint. measured : whether any recording has joint angles, counted or not. tasks : in the order in which
+    they are shown, with whether each only calibrates. A frame without rows is that of a table that is empty
+    or not there.
     """
 
     model: str
@@ -41,70 +41,50 @@ class StudyMovement:
     reliability: pd.DataFrame
     believed: dict[str, str]
     measured: bool
+    tasks: Mapping[str, bool]
 
     @cached_property
     def subject_means(self) -> pd.DataFrame:
-        """Range of motion, deg, by hand, task, joint, angle and subject: means over trials, then sessions."""
-        whose = [*PLACE, *OF_ANGLE, "subject"]
-        sessions = self.ranges.groupby([*whose, "session"], sort=False)[RANGE].mean()
-        return sessions.groupby(whose, sort=False).mean().reset_index()
+        """Range of motion, deg, by task, joint, angle and subject: means over trials, sessions, then hands.
 
-    def differences_table(self) -> DataTable | None:
-        """Differences between two levels of a factor that are shown, of joints that can be believed; None
-        where no two levels were compared.
+        Nothing is averaged over tasks.
         """
-        doubted = {joint for joint, shown in self.believed.items() if shown == NOT}
-        rows = self.differences[self.differences["verdict"] != ""]
-        rows = rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
-        if rows.empty:
-            return None
-        shown = rows[rows["verdict"] == "shown"].sort_values("p_holm", kind="stable")
-        columns = (
-            PageColumn(
-                tr("Levels"),
-                lambda row: f"{row['factor']}: {row['level']} − {row['other_level']}",
-                is_text=True,
-            ),
-            PageColumn(tr("Of"), lambda row: f"{row['quantity']}, {row['of']}", is_text=True),
-            text_column(tr("Hand"), "hand"),
-            text_column(tr("Task"), "task"),
-            PageColumn(tr("Subjects"), lambda row: "/".join(str(n) for n in (row["n"], row["n_other"]) if n)),
-            PageColumn(tr("Difference"), lambda row: f"{number(row['difference'])} {row['unit']}"),
-            PageColumn(tr("95 % interval"), lambda row: f"{number(row['low'])} – {number(row['high'])}"),
-            PageColumn(tr("p, corrected"), lambda row: p_text(row["p_holm"])),
-        )
-        caption = tr(
-            "Differences shown, {n} of {n_all} numbers that were tested (movement_differences.parquet).",
-            n=len(shown),
-            n_all=len(rows),
-        )
-        return table_of(caption, columns, shown.to_dict("records"))
+        means, whose = self.ranges, ["task", *OF_ANGLE, "subject", "hand", "session"]
+        for _ in range(3):
+            means = means.groupby(whose, sort=False)[RANGE].mean().reset_index()
+            whose.pop()
+        return means
 
 
 def read_movement(results: StudyResults) -> StudyMovement:
     """Read the study's tables of movement under the leading model; InputError where one is another table.
 
-    Ranges are of recordings that do more than calibrate, and of hands that count in statistics.
+    Ranges are of hands that count in statistics, in recordings that calibrate as well.
     """
     model = results.leading
-    measured = _frame(results, RANGES_OF_MOTION, model)
-    calibrating = {recording_key(each) for each in results.recordings if each.role == "calibration"}
-    keys = zip(*(measured[name] for name in (*SUBJECT, "task", "trial")), strict=True)
-    measured = measured[np.array([key not in calibrating for key in keys], bool)]
+    measured = movement_table(results, RANGES_OF_MOTION, model)
+    roles: dict[str, set[str]] = defaultdict(set)
+    for recording in results.shown:
+        roles[recording.task].add(recording.role)
+    tasks = {
+        task: roles[task] == {"calibration"}
+        for task in sorted(roles, key=lambda t: "calibration" not in roles[t])
+    }
     suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
     keys = zip(*(measured[name] for name in SUBJECT), strict=True)
     ranges = measured[np.array([key not in suspect for key in keys], bool)]
     return StudyMovement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
-        differences=_frame(results, MOVEMENT_DIFFERENCES, model),
-        reliability=_frame(results, MOVEMENT_RELIABILITY, model),
+        differences=movement_table(results, MOVEMENT_DIFFERENCES, model),
+        reliability=movement_table(results, MOVEMENT_RELIABILITY, model),
         measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),
+        tasks=tasks,
     )
 
 
-def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
+def movement_table(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
     """The table's rows of a model; none where the study has no such table."""
     names = [column.name for column in table.columns]
     path = results.paths.study_table(table.name)

@@ -33,7 +33,7 @@ HUES: dict[str, tuple[str, str]] = {
     "paper": ("#fdfdfc", "#15171a"),
     "weak-line": ("#8a5a00", "#ffd27a"),
     "plain": ("#85888f", "#9a9da5"),
-    "bone": ("#cfc9b8", "#d8d2c2"),
+    "bone": ("#cfc9b8", "#746f63"),
     "error0": ("#1d5fa8", "#2f7fd0"),
     "error1": ("#4f97cd", "#4f98cd"),
     "error2": ("#a3c4d8", "#a3c5d8"),

@@ -217,16 +217,13 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
 def _skeleton(
     results: StudyResults, reader: RecordingReader, poses: Poses, *, still: bool = False
 ) -> ShownSkeleton:
-    """Return one model's motion at the frames of poses; of a still picture without tip errors.
-
-    A fitted hand that was not posed in a recording that only calibrates is shown as its receivers carry it.
-    """
+    """Return one model's motion at the frames of poses; a still picture has no tip errors."""
     key = reader.recording.hand, reader.model.name
     layout, model = reader.layout, reader.model
     model_index = list(results.models).index(model.name)
     joints = {row["joint"]: row for row in results.joints_of.get(key, [])}
     errors: dict[str, Array] = {}
-    if not still:
+    if not still and reader.recording.role != "calibration":
         try:
             errors = reader.numbers(TIPS, ["error_mm"], poses.frame)
             if not errors:
@@ -237,11 +234,7 @@ def _skeleton(
     nothing = np.full((len(poses.frame), 1), np.nan)
     replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
     if reader.is_fitted:
-        try:
-            bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
-            worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-            return fitted_skeleton(layout, model, model_index, joints, worn, bones, replayed)
-        except InputError:
-            if not still:
-                raise
+        bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
+        worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
+        return fitted_skeleton(layout, model, model_index, joints, worn, bones, replayed)
     return receiver_skeleton(layout, model, model_index, joints, replayed, poses)

@@ -103,7 +103,13 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
         *(PageColumn(heading(name), partial(_mean_text, name)) for name in names),
     )
     caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
-    return table_of(caption, columns, _blocks(scored), notes=_shortfalls(results, trial, scored, names))
+    return table_of(
+        caption,
+        columns,
+        _blocks(scored),
+        notes=_shortfalls(results, trial, scored, names),
+        source="skeleton_scores",
+    )
 
 
 def _blocks(scored: Iterable[Scored]) -> dict[str, list[Scored]]:
@@ -191,7 +197,7 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         ),
     )
     caption = tr("Joints against the true ones, both hands: {who}. Axis, bone length: medians.", who=who)
-    return table_of(caption, columns, _blocks(scored))
+    return table_of(caption, columns, _blocks(scored), source="joint_errors")
 
 
 def _percent(answers: Sequence[bool]) -> str:
@@ -229,7 +235,7 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
         blocks.append(RowBlock(_header(recording.hand.hand, digits), tuple(cells)))
         notes += _notes(results, recording, rows)
     caption = f"{trial.who}, {trial.title}, {tr('model {model}', model=model.name)}."
-    return DataTable(caption, tuple(blocks), tuple(notes))
+    return DataTable(caption, tuple(blocks), tuple(notes), source="tip_errors")
 
 
 @cache
@@ -284,7 +290,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
         blocks.append(RowBlock((tr("{hand} hand", hand=title(hand)), *titles, tr("Held out")), tuple(rows)))
     caption = tr("Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: {who}, {title}.",
                  who=trial.who, title=trial.title)  # fmt: skip
-    return DataTable(caption, tuple(blocks))
+    return DataTable(caption, tuple(blocks), source="tip_errors")
 
 
 def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 from shukotsu.errors import InputError
 from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
@@ -27,10 +28,11 @@ from shukotsu.report.table_cells import (
 from shukotsu.scores.agreement import times_expected
 from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.parts import Part, read_part
-from shukotsu.tables.subjects import Hand
+from shukotsu.tables.subjects import Hand, path_token
 from shukotsu.tables.typed_table import rows_of
 from shukotsu.translation import N_, ngettext, tr, translated, word
 
+SHARED = N_("The model ties the bone lengths of a person’s two hands: they are one measurement, not two.")
 _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 
 
@@ -49,6 +51,7 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=hand),
         (RowBlock((heading("length_mm"), *results.models), rows),),
         tuple(messages) if rows else (tr("No bone length was computed."),),
+        source="bone_lengths",
     )
 
 
@@ -65,12 +68,14 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         )
         for hand, bones in of_hands.items()
     )
+    shared = (tr(SHARED),) if lengths_are_shared(results, results.hands, model) else ()
     header = (tr("Subject"), tr("Hand"), tr("Believed"))
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
         (RowBlock((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
-        agreement_notes(results, model) if names else (tr("No bone length was computed."),),
+        (*shared, *agreement_notes(results, model)) if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
+        "bone_lengths",
     )
 
 
@@ -95,6 +100,12 @@ def agreement_notes(results: StudyResults, model: str) -> tuple[str, ...]:
             )
         )
     return tuple(notes)
+
+
+def lengths_are_shared(results: StudyResults, hands: Sequence[Hand], model: str) -> bool:
+    """Return whether the model ties the lengths of the two hands that some person has among these."""
+    fitting = results.models[model].fitting
+    return fitting is not None and fitting.share_lengths and len({hand.who for hand in hands}) < len(hands)
 
 
 def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:
@@ -149,7 +160,18 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         rows = results.receivers_of.get((hand, model), [])
         counts = ngettext("{n} receiver", "{n} receivers", len(rows))
         summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
-        folded.append(Folded(summary, table_of(summary, columns, rows, tr(NO_JOINT))))
+        folded.append(
+            Folded(
+                summary,
+                table_of(
+                    summary,
+                    columns,
+                    rows,
+                    tr(NO_JOINT),
+                    source=f"fits/{hand.hand}/{path_token(model)}/receivers",
+                ),
+            )
+        )
     return folded
 
 
@@ -194,4 +216,4 @@ def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> Da
         error_column(f"{tr('Median')} [deg]", "median", "deg"),
         *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
     )
-    return table_of(caption, columns, rows)
+    return table_of(caption, columns, rows, source="ranges_of_motion")

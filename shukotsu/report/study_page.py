@@ -15,10 +15,18 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from shukotsu.errors import InputError
-from shukotsu.report.belief import reasons_of
+from shukotsu.report.belief import joint_anchor, reasons_of
 from shukotsu.report.figures.panels import page_picture, taken_failures
-from shukotsu.report.figures.study_figures import joints_in_order, model_panels, range_panels
-from shukotsu.report.judged_models import big_numbers, model_to_take, used_text
+from shukotsu.report.figures.study_figures import group_panels, joints_in_order, model_panels, range_panels
+from shukotsu.report.group_results import compared_factors
+from shukotsu.report.judged_models import (
+    REPLAY,
+    big_numbers,
+    doubted_text,
+    model_to_take,
+    next_text,
+    used_text,
+)
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import StudyMovement
 from shukotsu.report.provenance import all_problems, faults_listed
@@ -63,31 +71,42 @@ class SubjectCard(NamedTuple):
 def render_study(results: StudyResults, study: Study, movement: StudyMovement | None = None) -> str:
     """Return the study's page; the same results give the same text."""
     panels = model_panels(results)
+    factors = compared_factors(results, study, movement) if movement else []
+    replay = panels.pop(REPLAY, None)
     with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
     packages = (f"{package} {metadata.version(package)}" for package in PACKAGES)
     parts: dict[str, Any] = {
         "view": _front(results),
         "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
-        "pictures": [page_picture(panel) for panel in panels],
-        "ranges": [page_picture(panel) for panel in range_panels(movement)] if movement else [],
+        "models": [(panel.heading, page_picture(panel)) for panel in panels.values()],
+        "groups": [
+            (panel.heading, page_picture(panel)) for panel in group_panels(factors, len(results.subjects))
+        ],
+        "replay": page_picture(replay) if replay else None,
+        "ranges": {
+            words: [page_picture(panel) for panel in of_task]
+            for words, of_task in (range_panels(movement) if movement else {}).items()
+        },
     }
     for message in taken_failures():  # after every picture, before the list of problems
         results.add_problem("report", message)
     return render(
         "study.html.j2",
+        tables_at="",
         study=results.name,
         used=used_text(results),
         numbers=big_numbers(results),
         take=model_to_take(results),
+        doubted=doubted_text(results),
+        next=next_text(results),
         model=results.leading,
-        panels=panels,
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),
         classes=[f"< {ends[0]}", *(f"{low}–{high}" for low, high in pairwise(ends)), f"> {ends[-1]}"],
         problems=all_problems(results),
         accepted=faults_listed(results.accepted),
-        differences=movement.differences_table() if movement else None,
+        factors=factors,
         subjects=[_card(results, who) for who in results.sessions],
         lengths=lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,
@@ -103,6 +122,7 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
 def _front(results: StudyResults) -> View | None:
     """The hand in motion of the first recording that counts and can be shown; None without one."""
     counted = [recording for recording in results.shown if recording.hand not in results.suspect]
+    counted.sort(key=lambda recording: recording.role == "calibration")
     used = [recording for recording in counted if results.status_of(recording)[0] == "used"]
     for recording in used[:MOST_TRIED]:
         try:
@@ -168,12 +188,16 @@ _WRIST_MM, _USUAL_MM = 30.0, 25.0
 
 @dataclass(frozen=True)
 class JointCell:
-    """A joint of a hand. level : class of colour, -1 without a stated error. why : what a pointer is told."""
+    """A joint of a hand. level : class of colour, -1 without a stated error. why : what a pointer is told.
+
+    href : where its row on the subject's page is.
+    """
 
     sd: str
     level: int
     mark: str
     why: str = ""
+    href: str = ""
 
 
 @dataclass(frozen=True)
@@ -209,7 +233,10 @@ def joint_picture(results: StudyResults) -> JointPicture | None:
     rows = []
     for hand, row_of in of_hand.items():
         to = link(hand.who.label, page, results.paths.subject_page(*hand.who))
-        cells = tuple(_cell([row_of[joint]]) if joint in row_of else None for joint in joints)
+        cells = tuple(
+            _cell([row_of[joint]], f"{to.href}#{joint_anchor(hand, joint)}") if joint in row_of else None
+            for joint in joints
+        )
         rows.append(JointRow(to, word(hand.hand), cells, believed_text([*row_of.values()])))
     parts = [joint.rpartition("_") for joint in joints]
     digits = [(word(digit), len(list(group))) for digit, group in groupby(digit for digit, _, _ in parts)]
@@ -224,7 +251,7 @@ def believed_text(rows: Sequence[Row]) -> str:
     return f"{sum(row['verdict'] == BELIEVE for row in rows)}/{len(rows)}"
 
 
-def _cell(rows: Sequence[Row]) -> JointCell | None:
+def _cell(rows: Sequence[Row], href: str = "") -> JointCell | None:
     """A joint; of several hands the median error and the middle verdict, of two the worse."""
     if not rows:
         return None
@@ -233,7 +260,7 @@ def _cell(rows: Sequence[Row]) -> JointCell | None:
     verdict = sorted((row["verdict"] for row in rows), key=list(MARKS).index)[len(rows) // 2]
     level = -1 if sd is None else sum(sd >= end for end in CLASSES_MM)
     why = "; ".join(reasons_of(rows[0])) if verdict != BELIEVE and len(rows) == 1 else ""
-    return JointCell(format_value("sd_mm", sd), level, MARKS[verdict], why)
+    return JointCell(format_value("sd_mm", sd), level, MARKS[verdict], why, href)
 
 
 def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:

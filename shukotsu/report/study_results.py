@@ -60,7 +60,7 @@ class Trial:
     @property
     def title(self) -> str:
         """Task and trial in words."""
-        return f"{self.task}, {tr('trial {trial}', trial=self.trial)}" if self.trial else self.task
+        return task_title(self.task, self.trial)
 
 
 def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:
@@ -124,8 +124,8 @@ class StudyResults:
 
     @cached_property
     def shown(self) -> list[Recording]:
-        """Every recording that tips are evaluated on, and so has a page."""
-        return [r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude]
+        """Every recording that is not excluded, and so has a page."""
+        return [r for r in self.recordings if not r.exclude]
 
     def poses(self, recording: Recording) -> Path:
         """A recording's poses table."""
@@ -231,6 +231,12 @@ class StudyResults:
         """The subject's hands, right first."""
         mine = [hand for hand in self.hands if hand.who == (subject, session)]
         return sorted(mine, key=lambda hand: hand.hand != "right")
+
+
+def task_title(task: str, trial: str = "", *, calibrates: bool = False) -> str:
+    """Write task and trial in words. calibrates : whether the recording only calibrates."""
+    words = [task, tr("trial {trial}", trial=trial) if trial else "", tr("calibration") if calibrates else ""]
+    return ", ".join(filter(None, words))
 
 
 def recording_key(recording: Recording) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from markupsafe import Markup
 
@@ -29,7 +30,14 @@ from shukotsu.report.score_tables import (
     table_title,
     truth_table,
 )
-from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measured_table, receiver_tables
+from shukotsu.report.skeleton_tables import (
+    SHARED,
+    bone_table,
+    lengths_are_shared,
+    measured_ranges,
+    measured_table,
+    receiver_tables,
+)
 from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded, link
@@ -53,6 +61,7 @@ def render_subject(results: StudyResults) -> str:
     lengths = lengths_panel(results, who, results.leading)
     return render(
         "subject.html.j2",
+        tables_at=f"../../{quote(results.paths.subject(*who).name)}/",
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
         recordings=recording_links(results, page, who),
@@ -66,6 +75,7 @@ def render_subject(results: StudyResults) -> str:
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         truth=truth_table(results, who),
         lengths=page_picture(lengths) if lengths else "",
+        shared=tr(SHARED) if lengths_are_shared(results, hands, results.leading) else "",
         folded=_folded_tables(results, who),
     )
 
@@ -195,7 +205,9 @@ def _select_recording(results: StudyResults, hand: str, name: str) -> Recording:
         if (recording.hand.hand, recording.name) == (hand, name):
             return recording
     expected = ", ".join(f"{recording.hand.hand} {recording.name}" for recording in results.shown)
-    raise InputError(f"--recording {hand} {name}: is not evaluated; expected one of: {expected or 'none'}")
+    raise InputError(
+        f"--recording {hand} {name}: is none of this subject's; expected one of: {expected or 'none'}"
+    )
 
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
@@ -211,7 +223,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     shown: list[Recording] = []
     with suppress(InputError):
         plan = plan_of_results(arguments.plan)
-        shown = [recording for hand in plan.hands for recording in plan.evaluated(hand)]
+        shown = [recording for hand in plan.hands for recording in plan.posed(hand)]
     with speaking(arguments.language if arguments.language in languages() else "en"):
         for page in (Path("subject.html"), *map(_page, shown)):
             write_text(arguments.out / page, render_failure(message))

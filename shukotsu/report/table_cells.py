@@ -29,14 +29,14 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES: Mapping[str, Quantity] = {
-    "sd_mm": Quantity(N_("SD of the centre"), "mm", 2),
-    "range_deg": Quantity(N_("Moved"), "deg", 1),
-    "gap_rms_mm": Quantity(N_("Gap rms"), "mm", 2),
-    "gap_rms_free_mm": Quantity(N_("Free gap rms"), "mm", 2),
+    "sd_mm": Quantity(N_("SD of the centre"), "mm", 1),
+    "range_deg": Quantity(N_("Range moved"), "deg", 1),
+    "gap_rms_mm": Quantity(N_("Gap (RMS)"), "mm", 2),
+    "gap_rms_free_mm": Quantity(N_("Gap without plane (RMS)"), "mm", 2),
     "axis_plane_deg": Quantity(N_("Axis to plane"), "deg", 1),
     "correction_mm": Quantity(N_("Correction"), "mm", 1),
-    "error_mm": Quantity(N_("Joint against the truth"), "mm", 2),
-    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 2),
+    "error_mm": Quantity(N_("Joint against the truth"), "mm", 1),
+    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 1),
     "metacarpal_deg": Quantity(N_("Metacarpal direction against the truth"), "deg", 2),
     "left_out_mean_mm": Quantity(N_("Distal receivers left out"), "mm", 2),
     "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),
@@ -64,6 +64,41 @@ QUANTITIES: Mapping[str, Quantity] = {
 """By the column of a table: the one place that says how pages, figures and the terminal write a number."""
 
 
+MEANINGS: Mapping[str, str] = {
+    "sd_mm": N_("1-sigma error of the joint's centre in three dimensions, with what skin leaves open"),
+    "range_deg": N_("how far the joint turned in the calibration; below 10 deg its place is hardly known"),
+    "gap_rms_mm": N_("distance between the centres that the receivers on its two sides give the joint"),
+    "gap_rms_free_mm": N_(
+        "the gap of the best fit without plane or correction; far below the gap, these moved the joint"
+    ),
+    "axis_plane_deg": N_("angle of the axis to the plane that cuts it; near 0 the centre may slide along it"),
+    "correction_mm": N_("how far the centre was moved by hand"),
+    "replay_mean_mm": N_("how well joints close when the motion is replayed; it judges no skeleton"),
+    "posed_mean_mm": N_("distance of the posed hand from its fingertip receivers, which were in the fit"),
+    "left_out_mean_mm": N_(
+        "how far a fingertip receiver, hidden from the fit, is from where the others put it"
+    ),
+    "wrist_mcp_sd_mm": N_("how much the length from wrist to knuckle varies; a true skeleton keeps it still"),
+    "n_effective": N_("how many independent frames the recording is worth for this joint"),
+    "residual_mm": N_("what is left between a receiver's measured and fitted place"),
+    "residual_deg": N_("what is left between a receiver's measured and fitted turn"),
+}
+_TERMS: Mapping[str, str] = {
+    "prior-only": N_("the hand that anatomy expects before any recording; data must improve on it"),
+    "distal-receiver": N_("the fingertip taken where its receiver sits; a skeleton must beat it"),
+    "true-skeleton": N_("the true skeleton of the simulated hand: what skin and tracker alone cost"),
+    N_("Held out"): N_("whether the skeleton was made without the task it is scored on; compare these rows"),
+    N_("Came loose"): N_("from which frame on the receiver sat elsewhere"),
+}
+"""What quantities, and other words of tables, mean in a sentence each."""
+
+
+def meaning(cell: object) -> str:
+    """Return what a heading or a row's name means, in the language in use; empty where it is plain."""
+    of_headings = {heading(name): text for name, text in MEANINGS.items()}
+    return tr((of_headings | {tr(name): text for name, text in _TERMS.items()}).get(str(cell), ""))
+
+
 def heading(name: str) -> str:
     """Return a quantity's label with its unit."""
     quantity = QUANTITIES[name]
@@ -85,12 +120,22 @@ class RowBlock:
 
 @dataclass(frozen=True)
 class DataTable:
-    """A captioned table of one block or more; columns are numbers except those named in text_columns."""
+    """A captioned table of one block or more; columns are numbers except those named in text_columns.
+
+    source : the table of the results that it is made of, where one is.
+    """
 
     caption: str
     blocks: tuple[RowBlock, ...]
     notes: tuple[str, ...] = ()
     text_columns: frozenset[int] = frozenset({0})
+    source: str = ""
+
+    @property
+    def words(self) -> list[str]:
+        """Headings and names of rows whose meaning is told."""
+        cells = [cell for block in self.blocks for cell in (*block.header, *(row[0] for row in block.rows))]
+        return [cell for cell in dict.fromkeys(cells) if meaning(cell)]
 
 
 @dataclass(frozen=True)
@@ -148,6 +193,7 @@ def table_of(
     rows: Iterable[Any] | Mapping[str, Sequence[Any]],
     if_empty: str = "",
     notes: Iterable[str] = (),
+    source: str = "",
 ) -> DataTable:
     """Return a table of one block, or of one for each heading that has rows.
 
@@ -164,7 +210,7 @@ def table_of(
     )
     empty = (if_empty,) if if_empty and not any(groups.values()) else ()
     texts = frozenset(index for index, column in enumerate(columns) if column.is_text)
-    return DataTable(caption, blocks, (*empty, *notes), texts)
+    return DataTable(caption, blocks, (*empty, *notes), texts, source)
 
 
 def number(value: float | None, decimals: int = 2) -> str:

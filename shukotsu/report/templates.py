@@ -20,6 +20,7 @@ from markupsafe import Markup, escape
 
 from shukotsu.errors import InputError
 from shukotsu.report.palette import css
+from shukotsu.report.table_cells import meaning
 from shukotsu.resources import VERSION
 from shukotsu.translation import END, ENGLISH, FOREIGN, N_, language, ngettext, tr, translating
 
@@ -64,7 +65,7 @@ def _environment() -> jinja2.Environment:
     )
     environment.policies["ext.i18n.trimmed"] = True
     environment.install_gettext_callables(tr, ngettext, newstyle=True)  # type: ignore[attr-defined]
-    environment.globals |= {"language": language, "tr": tr}
+    environment.globals |= {"language": language, "tr": tr, "meaning": meaning}
     environment.globals["script_texts"] = lambda: {name: tr(text) for name, text in SCRIPT_TEXTS.items()}
     environment.filters["coded"] = coded
     for name in environment.list_templates(extensions=("j2", "css", "js")):

@@ -144,6 +144,15 @@ class SubjectPlan:
         recordings = self.recordings_of(hand, "evaluation", "both")
         return [r for r in recordings if made_without in ("", r.task)]
 
+    def posed(self, hand: str, made_without: str = "") -> list[Recording]:
+        """Recordings in which a skeleton is posed and measured: all, or those of the task made without.
+
+        Of a hand alone those that the command line names for that.
+        """
+        whole = self.is_study and not made_without
+        calibrating = self.recordings_of(hand, "calibration") if whole else []
+        return [*self.evaluated(hand, made_without), *calibrating]
+
     def all_calibrating(self, hand: str) -> list[Recording]:
         """Recordings that may calibrate the hand under some model."""
         return self.recordings_of(hand, "calibration", "both")

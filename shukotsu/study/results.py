@@ -69,7 +69,7 @@ MOVEMENT_COMPARISONS = ("movement_differences", "movement_reliability")
 """What the study says of its subjects' movement, made from its tables."""
 
 
-STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion")
+STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion", "groups")
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")

@@ -18,6 +18,7 @@ from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
 from shukotsu.tables.limits import FILE_NAME_BYTES, NAMES_BYTES
 from shukotsu.tables.subjects import Hand, SubjectSession, path_token
+from shukotsu.translation import ngettext, tr
 
 OWN_FACTORS = ("session", "hand", "task")
 """Columns that every recording has and that may be factors."""
@@ -209,13 +210,18 @@ def not_compared(study: Study) -> dict[str, str]:
     for factor in study.factors:
         levels = {row[factor] for row in rows} - {""}
         if len(levels) < 2:
-            reasons[factor] = f"has {len(levels)} level{'' if levels else 's'}, so nothing is compared"
+            reasons[factor] = ngettext(
+                "has {n} level, so nothing is compared", "has {n} levels, so nothing is compared", len(levels)
+            )
         elif factor not in OWN_FACTORS and all(map(is_number, levels)) and len(levels) > MOST_NUMBERS:
-            reasons[factor] = f"has {len(levels)} numbers as levels, which are not compared pair by pair"
+            text = "has {n} numbers as levels, which are not compared pair by pair"
+            reasons[factor] = tr(text, n=len(levels))
         elif len(levels) > MOST_LEVELS:
-            reasons[factor] = (
-                f"has {len(levels)} levels; at most {MOST_LEVELS} are compared pair by pair; put groups of "
-                "them into the sheet's column"
+            reasons[factor] = tr(
+                "has {n} levels; at most {most} are compared pair by pair; put groups of them into the "
+                "sheet's column",
+                n=len(levels),
+                most=MOST_LEVELS,
             )
     return reasons
 

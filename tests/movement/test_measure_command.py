@@ -95,6 +95,8 @@ def write_events(subject: PlannedSubject, played: Played) -> None:
     rows[5] |= {"onset_s": 0.5, "duration_s": 0.1}
     for hand in ("right", "left"):
         names = [*((onset_s, "tap", None) for onset_s in TAPS_S), (1.0, "hold", 0.8), (2.0, "hold", 0.8)]
+        if hand == "right":
+            rows += [event(hand, len(rows) + n, "bend", 1.0 + n, None) | {"task": "rom"} for n in range(3)]
         more = [(0.5, "lamp", 0.1), *([(1.0, "note 60", 0.1)] if hand == "left" else [])]
         for onset_s, name, duration_s in [*names, *more]:
             rows.append(event(hand, len(rows), name, onset_s, duration_s))
@@ -113,19 +115,24 @@ def event(hand: str, number: int, name: str, onset_s: float, duration_s: float |
     return keys | times | {"name": name, "source": "midi", "message": ""}
 
 
-def test_a_calibration_recording_has_its_ranges_of_motion(measured: Measured) -> None:
-    """Under the hand that is fitted whole; nothing else is measured in it."""
+def test_a_calibration_recording_is_measured_like_any_other(measured: Measured) -> None:
+    """Under every model: ranges and speeds of joints, ways of fingertips, cycles of its events."""
     truth = recorded("right", "rom", seed=SEED, n_frames=N_FRAMES)[0].truth
     rows = measured.rows("ranges_of_motion", task="rom", angle="flexion")
-    assert {(row["hand"], row["model"]) for row in rows} == {("right", "quick")}
-    by_joint = {row["joint"]: row for row in rows}
+    assert {(row["hand"], row["model"]) for row in rows if row["range_deg"] is not None} == {
+        ("right", "quick"), ("right", "rigid"), ("left", "rigid")
+    }  # fmt: skip
+    by_joint = {row["joint"]: row for row in rows if (row["hand"], row["model"]) == ("right", "quick")}
     for name in FINGERS:
         row = by_joint[f"{name}_pip"]
         assert row["full_range_deg"] == pytest.approx(truth.joints[f"{name}_pip"].range_deg, abs=12)
         assert 0 < row["range_deg"] <= row["full_range_deg"]
         assert row["n_frames"] == N_FRAMES
-    for table in ("fingertip_paths", "movement_cycles"):
-        assert not measured.rows(table, task="rom")
+        assert row["speed_p95_deg_s"] > row["speed_median_deg_s"] > 0
+    ways = measured.rows("fingertip_paths", task="rom", hand="right", model="quick")
+    assert all(row["path_length_mm"] > 100 and row["path_sd_mm"] > 0 for row in ways)
+    assert {row["digit"] for row in ways} == {"thumb", *FINGERS}
+    assert [row["used"] for row in measured.rows("movement_cycles", task="rom")] == [True] * 2
 
 
 def digits_joints() -> list[tuple[str, str, str]]:
@@ -169,7 +176,7 @@ def test_angles_follow_from_bones_and_the_zero_in_joint_centres(measured: Measur
 
 def test_what_a_model_without_stated_errors_says_is_weak(measured: Measured) -> None:
     """And where it cannot tell a metacarpal's motion, it says so."""
-    rows = measured.rows("ranges_of_motion", model="rigid")
+    rows = measured.rows("ranges_of_motion", model="rigid", task=TASK)
     rows = [row for row in rows if row["range_deg"] is not None]
     assert {(row["status"], row["hand"]) for row in rows} == {("weak", "right"), ("weak", "left")}
     still = {row["joint"] for row in rows if "keeps the metacarpal still" in row["message"]}
@@ -217,7 +224,7 @@ def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(measured: Measured) ->
 
 def test_a_model_that_failed_has_no_numbers_and_the_others_have(measured: Measured) -> None:
     rows = measured.rows("ranges_of_motion", hand="left", model="quick")
-    assert len(rows) == 15, "every joint that is solved"
+    assert len(rows) == 2 * 15, "every joint that is solved, in both recordings"
     assert {(row["range_deg"], row["status"], row["message"]) for row in rows} == {(None, "failed", UNFITTED)}
     assert not measured.rows("fingertip_paths", hand="left", model="quick")
     assert measured.rows("fingertip_paths", hand="left", model="rigid")

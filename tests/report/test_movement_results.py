@@ -5,19 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import drawn_movement as drawn
+import numpy as np
 import pytest
 from report_samples.made_study import FITTED_MODELS, write
 
 from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
-from shukotsu.report.figures.study_figures import NoDataError, ranges_of_motion
+from shukotsu.report.figures.study_figures import NoDataError, groups, ranges_of_motion
+from shukotsu.report.group_results import compared_factors
 from shukotsu.report.methods_text import methods_text
 from shukotsu.report.movement_results import RANGE, StudyMovement, read_movement
 from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import Results
+from shukotsu.study.study import Study, read_study
 from shukotsu.tables.catalogue import PROBLEMS
 
-RECORDINGS = drawn.recordings(12, ("1", "2"))
+RECORDINGS = drawn.recordings(12, ("1", "2"), task="opposition")
+CALIBRATIONS = drawn.recordings(12, ("1", "2"), task="rom")
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +29,10 @@ def results(fitted: StudyResults, tmp_path_factory: pytest.TempPathFactory) -> S
     """A study with tables of the movement of twelve subjects, whose other results are not theirs."""
     paths = Results(tmp_path_factory.mktemp("moved"))
     write(paths.study_table("problems"), PROBLEMS, [])
-    drawn.write_movement(paths, drawn.ranges(RECORDINGS, models=FITTED_MODELS))
+    drawn.write_movement(
+        paths,
+        [*drawn.ranges(RECORDINGS, models=FITTED_MODELS), *drawn.ranges(CALIBRATIONS, 2, FITTED_MODELS)],
+    )
     compare_study(RECORDINGS, ["group"], paths)
     return replace(fitted, paths=paths)
 
@@ -35,16 +42,19 @@ def movement(results: StudyResults) -> StudyMovement:
     return read_movement(results)
 
 
-def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
+def test_a_dot_of_a_tasks_figure_is_a_subjects_mean_of_the_leading_model(
     results: StudyResults, movement: StudyMovement
 ) -> None:
     assert set(movement.ranges["model"]) == {"whole-hand"}
     figure, caption = ranges_of_motion(results, movement)
-    lines = [line for axes in figure.axes for line in axes.lines if str(line.get_gid()).startswith("dots")]
-    dots = [sorted(line.get_xdata()) for line in lines]
-    ranges = movement.ranges[movement.ranges["joint"] == "index_pip"]
-    means = sorted(ranges.groupby("subject")[RANGE].mean())
-    assert dots[drawn.JOINTS.index("index_pip")] == pytest.approx(means)
+    assert [axes.get_title("right") for axes in figure.axes] == ["rom, calibration", "opposition"]
+    for axes, task in zip(figure.axes, ("rom", "opposition"), strict=True):
+        dots = [sorted(line.get_xdata()) for line in axes.lines if str(line.get_gid()).startswith("dots")]
+        ranges = movement.ranges[
+            (movement.ranges["joint"] == "index_pip") & (movement.ranges["task"] == task)
+        ]
+        means = sorted(ranges.groupby("subject")[RANGE].mean())
+        assert dots[drawn.JOINTS.index("index_pip")] == pytest.approx(means)
     assert "Model whole-hand." in caption
 
 
@@ -58,20 +68,63 @@ def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, moveme
         ranges_of_motion(results, none)
 
 
-def test_differences_are_those_shown_of_joints_to_be_believed(movement: StudyMovement) -> None:
-    table, tested = movement.differences_table(), movement.differences
+@pytest.fixture(scope="module")
+def groups_study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """The study file of these subjects, in groups by turns; it names a number and one not measured."""
+    folder = tmp_path_factory.mktemp("groups")
+    lines = (f"{r['subject']}\t{r['session']}\tright\topposition\tboth\tx.csv\n" for r in RECORDINGS)
+    (folder / "sheet.tsv").write_text("subject\tsession\thand\ttask\trole\tfile\n" + "".join(lines))
+    people = "".join(f"P{n:02}\t{'AB'[n % 2]}\tall\n" for n in range(12))
+    (folder / "people.tsv").write_text("subject\tgroup\tsite\n" + people)
+    text = "study: two\nrecordings: sheet.tsv\nparticipants: people.tsv\nlayout: liberty16\n"
+    text += "models: [whole-hand]\n"
+    text += "factors: [group, site]\ncompare: [range_deg index_mcp flexion, path_length_mm thumb]\n"
+    (folder / "study.yaml").write_text(text)
+    return read_study(folder / "study.yaml")
+
+
+def test_groups_stand_side_by_side(
+    results: StudyResults, movement: StudyMovement, groups_study: Study
+) -> None:
+    """First what the study file names, then what differs most; each with n, mean, SD, difference and p."""
+    group, site = compared_factors(results, groups_study, movement)
+    assert group.levels == "A (6 subjects) and B (6 subjects)"
+    assert site.table is None
+    assert (site.levels, site.reason) == ("all (12 subjects)", "has 1 level, so nothing is compared")
+    assert group.table is not None
+    (block,) = group.table.blocks
+    assert block.header[3:5] == ("A: n, mean ± SD", "B: n, mean ± SD")
+    assert [row[0] for row in block.rows[:2]] == [
+        "Range of motion [deg], index_mcp, flexion", "Range of motion [deg], index_pip, flexion"
+    ]  # fmt: skip
+    assert "path_length_mm thumb" in group.table.notes[0]
+    means = movement.subject_means
+    means = means[(means["task"] == "opposition") & (means["joint"] == "index_pip")]
+    of_a, of_b = (
+        means[means["subject"].str[1:].astype(int) % 2 == n].set_index("subject")[RANGE] for n in (0, 1)
+    )
+    texts = [f"6, {of.mean():.1f} ± {of.std():.1f}" for of in (of_a, of_b)]
+    assert list(block.rows[1][3:6]) == [*texts, f"{of_a.mean() - of_b.mean():.1f}"]
+    assert block.rows[1][7].startswith("p ")
+    pip = next(each for each in group.drawn if "Range of motion [deg], index_pip" in each.title)
+    assert {k: pytest.approx(v) for k, v in pip.levels["A"].items()} == of_a.to_dict()
+    figure, _ = groups(results, groups_study, movement)
+    dots = [line.get_xdata() for line in figure.axes[1].lines if str(line.get_gid()).startswith("dots")]
+    assert [sorted(each) for each in dots] == [pytest.approx(sorted(of.tolist())) for of in (of_a, of_b)]
+
+
+def test_what_is_not_tested_says_why(
+    results: StudyResults, movement: StudyMovement, groups_study: Study
+) -> None:
+    few = movement.differences.assign(n=2, n_other=3, p=np.nan, p_holm=np.nan, low=np.nan, high=np.nan)
+    table = compared_factors(results, groups_study, replace(movement, differences=few))[0].table
     assert table is not None
-    row = next(row for row in table.blocks[0].rows if row[1].startswith("range_deg"))
-    of_index = tested[(tested["of"] == "index_pip flexion") & (tested["quantity"] == RANGE)]
-    (moved,) = of_index.to_dict("records")
-    assert row[:2] == ("group: A − B", "range_deg, index_pip flexion")
-    interval = f"{moved['low']:.2f} – {moved['high']:.2f}"
-    assert row[4:7] == ("6/6", f"{moved['difference']:.2f} deg", interval)
-    assert f"of {(tested['verdict'] != '').sum()} numbers" in table.caption
-    doubted = replace(movement, believed={"index_pip": NOT}).differences_table()
-    assert doubted is not None
-    assert not doubted.blocks[0].rows
-    assert replace(movement, differences=movement.differences.iloc[:0]).differences_table() is None
+    reason = "not tested: groups of 2 and 3 subjects, a test needs 4 in each"
+    assert {row[6:] for row in table.blocks[0].rows} == {("–", reason)}
+    doubted = replace(movement, believed={"index_pip": NOT})
+    shown = compared_factors(results, groups_study, doubted)[0].table
+    assert shown is not None
+    assert not [row for row in shown.blocks[0].rows if "index_pip" in row[0]]
 
 
 def test_methods_say_what_was_done(results: StudyResults, movement: StudyMovement) -> None:

@@ -25,7 +25,7 @@ def hostile(tmp_path: Path) -> MadeStudy:
 def test_the_pages_are_written_or_a_sentence_says_why_not(
     hostile: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The subject's page and one of each evaluated recording; or one recording's, the same bytes.
+    """The subject's page and one of each recording; or one recording's, the same bytes.
 
     Without --record-failure one sentence and exit code 2, with it a page.
     """
@@ -40,7 +40,7 @@ def test_the_pages_are_written_or_a_sentence_says_why_not(
     assert page.read_bytes() == written["right/opposition.html"]
     for file, more, message in (
         (tmp_path / "nothing.json", [], "nothing.json: no such file"),
-        (plan, ["--recording", "right", "rom"], "rom: is not evaluated; expected one of: right opposition"),
+        (plan, ["--recording", "right", "rom"], "rom: is none of this subject"),
     ):
         argv = ["--plan", str(file), "--out", str(tmp_path / "out"), *more]
         assert subject_pages(argv) == 2

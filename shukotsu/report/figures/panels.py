@@ -41,12 +41,14 @@ from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_
 from shukotsu.report.table_cells import number
 from shukotsu.translation import ENGLISH, language, listed, tr, translated, word
 
-PAGE_MM = 106.0
+PAGE_MM = 84.0
 """How wide a page's picture is before the page gives it its width."""
 ROW_MM, FOOT_MM = 3.6, 9.0
 """Heights of a row, and of the words below the axes."""
 FEWEST_FOR_QUARTILES = 4
-_LINE_MM, _LEGEND_LINE_MM, _KEY_MM, _GAP_MM, _PAD_MM, _MOST_NAME_MM = 3.2, 4.2, 9.0, 2.0, 1.6, 42.0
+LINE_MM, ROW_LETTERS = 3.2, int(42.0 / width_mm("m"))
+"""Height of a line of a row's name, and how many letters it has at most."""
+_LEGEND_LINE_MM, _KEY_MM, _GAP_MM, _PAD_MM = 4.2, 9.0, 2.0, 1.6
 _SCATTER, _GOLDEN = 0.6, (5**0.5 - 1) / 2
 _GROSS, _DECADES, _ROUNDING, _MARGIN = 8.0, 4.0, 1e-6, 0.06
 """How many times the usual number the largest is where an even scale would squeeze the others; powers of ten
@@ -83,7 +85,7 @@ def print_figure(
     down = sum(heights) + _LEGEND_LINE_MM * -(-len(handles) // columns)
     for row, texts in zip(rows, headings, strict=True):
         down += max(panel.foot_mm for panel in row) + _GAP_MM
-        down += _LINE_MM * (1 + max(text.count("\n") for text in texts))
+        down += LINE_MM * (1 + max(text.count("\n") for text in texts))
     figure = _blank(figure_mm, down)
     grid = figure.add_gridspec(len(rows), across, height_ratios=heights)
     for row_index, row in enumerate(rows):
@@ -242,7 +244,7 @@ def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_
             markeredgewidth=0.6, markeredgecolor=PAPER,
         )  # fmt: skip
         if of_all:
-            note = number(middle).replace("-", "−")
+            note = number(middle, 1 if abs(middle) >= 1.0 else 2).replace("-", "−")
             note += f" (n = {len(values)})" if 0 < len(values) < of_all else ""
             _write_aside(axes, y, note, INK)
     if of_all:
@@ -258,11 +260,9 @@ def _write_aside(axes: Axes, y: int, words: str, colour: str) -> None:
 
 def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: bool = False) -> None:
     """Name rows from the top, with one free above if `top`, over a horizontal axis with a grid."""
-    fits = int(_MOST_NAME_MM / width_mm("m"))
     axes.set_ylim(len(names) - 0.5, -1.5 if top else -0.5)
     axes.set_yticks(range(len(names)))
-    shortened = [name if len(name) <= fits else name[: fits - 1] + "…" for name in names]
-    axes.yaxis.set_major_formatter(FixedFormatter(shortened))
+    axes.yaxis.set_major_formatter(FixedFormatter(["\n".join(map(_shortened, n.split("\n"))) for n in names]))
     axes.spines["left"].set_visible(False)
     axes.set_xscale(scale.kind)
     axes.set_xlim(scale.low, scale.high)
@@ -272,6 +272,10 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     axes.grid(axis="x", clip_on=False)
     axes.tick_params(length=0)
     axes.set_xlabel(axis)
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= ROW_LETTERS else name[: ROW_LETTERS - 1] + "…"
 
 
 def locator(scale: Scale) -> Locator:
@@ -329,7 +333,7 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
         receivers=flat(receivers), middles=middles, scale=scale, lines=lines,
         size=((wide + _GUTTER_MM + deep) * scale, tall * scale),
     )  # fmt: skip
-    return Panel("", title, tall * scale + _FOOT_MM + _LINE_MM * len(lines), 0.0, draw)
+    return Panel("", title, tall * scale + _FOOT_MM + LINE_MM * len(lines), 0.0, draw)
 
 
 def _draw_hand(
@@ -345,7 +349,7 @@ def _draw_hand(
 ) -> None:
     """Draw bones in the colour of their digit, joints by verdict, receivers, names of digits and a scale."""
     looks = [look.colour for look in digit_looks(motion.digits).values()]
-    axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - _LINE_MM * len(lines), size[1]), aspect="equal")
+    axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
     digit_of = {bone.end: bone.digit for bone in skeleton.bones}
     for joints, worn in zip(views, receivers, strict=True):
@@ -369,7 +373,7 @@ def _draw_hand(
         x, y = views[0][skeleton.points.index(f"{digit}_tip")]
         wide = width_mm(word(digit)) / 2 + 0.5
         y += 3.0
-        while any(abs(x - at) < wide + reach and abs(y - height) < _LINE_MM for at, height, reach in taken):
+        while any(abs(x - at) < wide + reach and abs(y - height) < LINE_MM for at, height, reach in taken):
             y += 0.5
         if np.isfinite(x):
             taken.append((x, y, wide))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import matplotlib
 import numpy as np
@@ -23,6 +23,8 @@ from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_t
 from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
     FOOT_MM,
+    LINE_MM,
+    ROW_LETTERS,
     ROW_MM,
     Panel,
     PanelRow,
@@ -37,21 +39,34 @@ from shukotsu.report.figures.panels import (
     value_scale,
 )
 from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, apply_style, label, wrap_text
-from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
+from shukotsu.report.group_results import ComparedFactor, compared_factors
+from shukotsu.report.judged_models import (
+    LEFT_OUT,
+    PRIOR,
+    REPLAY,
+    TRUTH,
+    JudgedModels,
+    judged_models,
+    taken_model,
+)
 from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
 from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import Row as TableRow
-from shukotsu.report.study_results import StudyResults, hand_of
+from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import alike, capital, heading
 from shukotsu.report.templates import plain
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
+from shukotsu.study.study import Study
 from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import N_, listed, ngettext, tr, word
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class NoDataError(Exception):
@@ -68,7 +83,7 @@ class Drawing:
     missing: str = ""
 
 
-def of_study(results: StudyResults) -> Iterator[Drawing]:
+def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
     """Draw the study's figures, STUDY_FIGURES in turn."""
     movement = read_movement(results)
     draw: dict[str, Callable[[], tuple[Figure, str]]] = {
@@ -76,6 +91,7 @@ def of_study(results: StudyResults) -> Iterator[Drawing]:
         "joint-errors": lambda: joint_errors(results),
         "joint-trust": lambda: joint_trust(results),
         "ranges-of-motion": lambda: ranges_of_motion(results, movement),
+        "groups": lambda: groups(results, study, movement),
     }
     for name in STUDY_FIGURES:
         yield draw_figure(name, draw[name])
@@ -149,28 +165,35 @@ _MODEL_ROW_MM = 6.0
 """High enough that a line through a subject's dots can be followed."""
 
 
-def model_panels(results: StudyResults) -> list[Panel]:
-    """Return a panel for each number that models are held against each other by: seen, then the truth."""
-    judged = {each.metric: each for each in judged_models(results)}
-    metrics = [REPLAY, *([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT])]
+def model_panels(results: StudyResults) -> dict[str, Panel]:
+    """Return by its metric a panel for each number of models: those that judge them, then the replay's.
+
+    The model to take stands first, and models with the same numbers share a row.
+    """
+    judged, first = {each.metric: each for each in judged_models(results)}, taken_model(results)
+    metrics = [*([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT]), REPLAY]
     looks = model_looks(list(results.models)) | {PRIOR: Look(SOFT, "o")}
-    panels = []
+    names_in_order = sorted((*results.models, PRIOR), key=lambda name: name != first)
+    panels = {}
     for each in (judged[metric] for metric in metrics if metric in judged):
-        rows = []
-        for name in (name for name in (*results.models, PRIOR) if name in each.values):
-            values = np.array(list(each.values[name].values()))
-            interval = paired_difference(values).interval
-            rows.append(PanelRow(name, looks[name], each.values[name], float(values.mean()), interval))
+        rows, lines = [], 1
+        for names in alike({name: each.values[name] for name in names_in_order if name in each.values}):
+            numbers = each.values[names[0]]
+            values = np.array(list(numbers.values()))
+            interval, words = paired_difference(values).interval, wrap_text(", ".join(names), ROW_LETTERS)
+            rows.append(PanelRow("\n".join(words), looks[names[0]], numbers, float(values.mean()), interval))
+            lines = max(lines, len(words))
         scale = value_scale([value for row in rows for value in row.values()])
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
-        names = listed(row.name for row in rows)
-        title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=names)
+        shown = listed(row.name.replace("\n", " ") for row in rows)
+        title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=shown)
         n = count_range(len(row.numbers) for row in rows)
         kind = tr("n = {n} subjects, held out", n=n)
         if not each.held_out:
             kind = tr("n = {n} subjects, in-sample", n=n)
         draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
-        panels.append(Panel(kind, title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+        height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
+        panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
 
 
@@ -186,7 +209,7 @@ def _draw_models(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, 
 
 def models(results: StudyResults) -> tuple[Figure, str]:
     """Draw the models' panels side by side. Raises NoDataError without a score."""
-    panels = model_panels(results)
+    panels = [*model_panels(results).values()]
     if not panels:
         raise NoDataError(tr("no model of this study has a score; see skeleton_scores and problems"))
     headings = [
@@ -353,9 +376,20 @@ def _draw_trust(
         foot += shares
 
 
-def range_panels(movement: StudyMovement) -> list[Panel]:
-    """Return a panel for each of ANGLES that any joint has: joints in the colour of their digit."""
-    means = movement.subject_means.groupby([*OF_ANGLE, "subject"], sort=False)[RANGE].mean().sort_index()
+def range_panels(movement: StudyMovement) -> dict[str, list[Panel]]:
+    """Return by each task's title a panel for each of ANGLES that any joint has.
+
+    Joints are in the colour of their digit.
+    """
+    means = movement.subject_means.set_index(["task", *OF_ANGLE, "subject"])[RANGE].sort_index()
+    titles = {task: task_title(task, calibrates=only) for task, only in movement.tasks.items()}
+    of_tasks = {titles[task]: _range_panels(movement, means.loc[task], titles[task]) for task in titles
+                if task in means.index}  # fmt: skip
+    return {words: panels for words, panels in of_tasks.items() if panels}
+
+
+def _range_panels(movement: StudyMovement, means: pd.Series[float], task: str) -> list[Panel]:
+    """Return the panels of one task; means : by joint, angle and subject."""
     joints = list(dict.fromkeys(movement.ranges["joint"]))
     digits = list(dict.fromkeys(joint.partition("_")[0] for joint in joints if "_" in joint))
     colours = {digit: look.colour for digit, look in digit_looks(digits).items()}
@@ -374,8 +408,8 @@ def range_panels(movement: StudyMovement) -> list[Panel]:
         scale = value_scale([value for row in rows for value in row.values()])
         of_all = movement.ranges["subject"].nunique()
         draw = partial(draw_rows, rows=rows, axis=axis, scale=scale, of_all=of_all)
-        title = tr("Range of motion by joint, {angle}.", angle=angle)
-        panels.append(Panel("", title, ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+        title = tr("Range of motion by joint in {task}, {angle}.", task=task, angle=angle)
+        panels.append(Panel(task, title, ROW_MM * (len(rows) + 1), FOOT_MM, draw))
     return panels
 
 
@@ -387,13 +421,51 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
                 tr("every hand that has joint angles has a suspect finding, and counts in nothing")
             )
         raise NoDataError(tr("no recording of this study has joint angles"))
-    return print_figure([range_panels(movement)]), tr(
-        "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg]. {study_text} Model "
-        "{model}. A dot is a subject, the mean over recordings; mark: median; bar: quartiles. Hands "
-        "with a suspect finding are left out.",
+    return print_figure(list(range_panels(movement).values())), tr(
+        "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg], task by task. {study_text} "
+        "Model {model}. A dot is a subject, the mean over trials, sessions and hands; mark: median; bar: "
+        "quartiles. Hands with a suspect finding are left out.",
         study_text=study_text(results),
         model=movement.model,
     )
+
+
+def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Panel]:
+    """Return a panel for each number that is drawn of the study's factors: a row a level, a dot a subject."""
+    panels = []
+    for drawn in (each for factor in factors for each in factor.drawn):
+        looks = _looks_of_levels(drawn.levels)
+        rows = [
+            PanelRow(level, looks[level], numbers, float(np.mean([*numbers.values()])))
+            for level, numbers in drawn.levels.items()
+            if numbers
+        ]
+        values = [value for row in rows for value in row.values()]
+        scale = value_scale(values) if min(values) >= 0 else Scale(min(values) - 1.0, max(values) + 1.0)
+        draw_in = _draw_models if drawn.paired else draw_rows
+        draw = partial(draw_in, rows=rows, axis=drawn.axis, scale=scale, of_all=n_subjects)
+        panels.append(Panel(drawn.title, drawn.title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+    return panels
+
+
+def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tuple[Figure, str]:
+    """Draw the groups side by side. Raises NoDataError where no two levels have numbers."""
+    factors = compared_factors(results, study, movement)
+    panels = group_panels(factors, len(results.subjects))
+    if not panels:
+        reasons = [f"{factor.name}: {factor.reason}" for factor in factors]
+        raise NoDataError("; ".join(reasons) or tr("the study file names no factors"))
+    return print_figure(in_rows(panels, 2)), tr(
+        "Levels of the study's factors: the numbers that the study file names, and those that differ most. "
+        "{study_text} Model {model}. A dot is a subject, the mean over trials and sessions; where subjects "
+        "have both levels a line goes through their dots; mark: mean. Tests stand in movement_differences.",
+        study_text=study_text(results),
+        model=movement.model,
+    )
+
+
+def _looks_of_levels(levels: Iterable[str]) -> dict[str, Look]:
+    return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
 
 
 def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Panel | None:

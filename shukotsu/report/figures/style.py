@@ -113,10 +113,14 @@ def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         formatter = axis.get_major_formatter()
         if isinstance(formatter, FixedFormatter):
-            formatter.seq = [writable(words) for words in formatter.seq]
+            formatter.seq = [_by_line(words, writable) for words in formatter.seq]
     for text in figure.findobj(Text):
         assert isinstance(text, Text)
-        text.set_text("\n".join(map(writable, text.get_text().split("\n"))))
+        text.set_text(_by_line(text.get_text(), writable))
+
+
+def _by_line(text: str, writable: Callable[[str], str]) -> str:
+    return "\n".join(map(writable, text.split("\n")))
 
 
 def _code(character: str) -> str:
@@ -132,7 +136,8 @@ def width_mm(words: str) -> float:
 
 def wrap_text(text: str, width: int) -> list[str]:
     """Return lines of at most so many Latin letters, as the fonts at hand can write them."""
-    return wrap(label(text), width if width_mm(text) < 1.5 * width_mm("m") * len(text) else width // 2)
+    latin = width_mm(text) < 1.5 * width_mm("m") * len(text)
+    return wrap(label(text), width if latin else width // 2, break_on_hyphens=False)
 
 
 def _fonts_of(name: str) -> list[str]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import quote
 
 from shukotsu.report.belief import belief, believed_counts
 from shukotsu.report.figures.recording_figures import recording_text
 from shukotsu.report.palette import MARK_PATHS
 from shukotsu.report.recording_results import ModelResults, RecordingResults
 from shukotsu.report.skeleton_tables import measured_ranges, measured_table
-from shukotsu.report.study_results import StudyResults, recording_key, row_key
+from shukotsu.report.study_results import StudyResults, recording_key, row_key, task_title
 from shukotsu.report.table_cells import (
     Folded,
     Link,
@@ -64,10 +65,12 @@ def recording_page(results: RecordingResults) -> str:
         tr("Tip error of the replay, {title}.", title=title),
         columns,
         [row for model in results.models for row in model.tip_errors],
+        source="tip_errors",
     )
     return render(
         "recording_page/page.html.j2",
         title=title,
+        tables_at=f"../../../{quote(results.study.paths.subject(*results.recording.hand.who).name)}/",
         study=results.study.name,
         facts=", ".join(facts),
         said=translated(row["message"]) if motion is not None else "",
@@ -78,6 +81,7 @@ def recording_page(results: RecordingResults) -> str:
         every=1 if motion is None else motion.every,
         angles=angles,
         marks=list(MARK_PATHS.values()),
+        replayed=results.recording.role != "calibration",
         tip_errors=Folded(tr("Tip error of the replay in numbers"), tip_errors),
         ranges=[folded for model in results.models if (folded := _ranges(results, model))],
         evidence=[_evidence(model) for model in results.models],
@@ -91,8 +95,9 @@ def failure_page(title: str, message: str) -> str:
 
 
 def recording_title(recording: Recording) -> str:
-    """Format subject, hand, task and trial in words."""
-    return capital(recording_text(recording))
+    """Format subject, hand, task and trial in words, and whether it only calibrates."""
+    calibrates = recording.role == "calibration"
+    return capital(recording_text(recording)) + (f" ({tr('calibration')})" if calibrates else "")
 
 
 def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
@@ -122,7 +127,7 @@ def _evidence(model: ModelResults) -> Folded:
     joints = ngettext("{n} joint", "{n} joints", len(model.joints))
     caption = tr("What the calibration says of each joint, {name}.", name=model.name)
     summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
-    return Folded(summary, table_of(caption, columns, rows))
+    return Folded(summary, table_of(caption, columns, rows, source="joint_solutions"))
 
 
 def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> list[Link]:
@@ -130,9 +135,9 @@ def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> l
     links = []
     for recording in results.shown:
         if recording.hand.who == who:
-            trial = tr("trial {trial}", trial=recording.trial) if recording.trial else ""
-            hand = tr("{hand} hand", hand=recording.hand.hand)
-            words = ", ".join(filter(None, (recording.task, trial, hand)))
+            calibrates = recording.role == "calibration"
+            words = task_title(recording.task, recording.trial, calibrates=calibrates)
+            words += ", " + tr("{hand} hand", hand=recording.hand.hand)
             links.append(link(words, page, results.paths.recording_page(recording)))
     return links
 
@@ -148,7 +153,7 @@ class Navigation:
 
 
 def navigation(results: StudyResults, recording: Recording) -> Navigation:
-    """Return the links of a recording's page, to pages of evaluated recordings alone."""
+    """Return the links of a recording's page."""
     paths, hand = results.paths, recording.hand
     page = paths.recording_page(recording)
     other_hand = replace(hand, hand="left" if hand.hand == "right" else "right")

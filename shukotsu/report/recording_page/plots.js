@@ -267,7 +267,7 @@ class Plots {
   paintNow() {
     const style = getComputedStyle(this.root), read = (name) => style.getPropertyValue(`--${name}`).trim();
     const colours = Object.fromEntries(["paper", "ink", "soft", "rule"].map((name) => [name, read(name)]));
-    this.plots.errors.draw(this.errorStrips(read), colours);
+    this.plots.errors?.draw(this.errorStrips(read), colours);
     this.plots.angles?.draw(this.angleStrips(colours.ink), colours);
     this.rows.forEach((row, m) => row.classList.toggle("off", !this.boxes[m].checked));
     this.follow();
@@ -327,9 +327,11 @@ class Plots {
       cell.textContent = numeral(this.error(m, d)(index), this.steps[`errors${m}`]);
       return `${digit} ${cell.textContent}`;
     }));
-    part["error-where"].textContent = wording("tip_error_at", {where});
-    const errors = this.chosen.map((m) => `${viewer.header.skeletons[m].model}: ${words[m].join(", ")} mm`);
-    this.describe(this.plots.errors, index, `${where}; ${errors.join("; ")}`);
+    if (this.plots.errors) {
+      part["error-where"].textContent = wording("tip_error_at", {where});
+      const errors = this.chosen.map((m) => `${viewer.header.skeletons[m].model}: ${words[m].join(", ")} mm`);
+      this.describe(this.plots.errors, index, `${where}; ${errors.join("; ")}`);
+    }
     if (!this.plots.angles) return;
     const step = this.steps[`angles${part["angle-model"].value}`];
     const angles = ANGLES.map((angle, i) => {

@@ -64,7 +64,7 @@ class View:
     title : what it shows, for who cannot see it. places : of the models in the study, which their colours
     go by. shown : indices of the models in view before any is chosen. still : the picture that stands in
     where nothing moves, and still_caption what that is. data : what `viewer.js` reads. remark : what else
-    to know, or empty.
+    to know, or empty. replayed : whether any skeleton has tip errors.
     """
 
     title: str
@@ -76,6 +76,7 @@ class View:
     still_caption: str
     data: Markup
     remark: str
+    replayed: bool
 
 
 def view_of(
@@ -111,6 +112,7 @@ def view_of(
         still_caption=tr("{models}, frame {frame}", models=first.model, frame=motion.frame[frame]),
         data=Markup(motion_text(motion, extra, extra_header)),
         remark=" ".join(remarks),
+        replayed=any(np.isfinite(each.tip_error_mm).any() for each in motion.skeletons),
     )
 
 

@@ -591,6 +591,8 @@ class HandViewer {
 
   listenToPointers() {
     const {canvas} = this, held = new Map(); // the last event of each pointer that is down
+    /* One finger that moves up or down scrolls the page; two move and enlarge the hand. */
+    canvas.addEventListener("touchmove", (event) => event.touches.length > 1 && event.preventDefault(), {passive: false});
     on(canvas, "pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       held.set(event.pointerId, event);

@@ -44,11 +44,12 @@ def dots_of(axes: Axes) -> dict[int, dict[str, float]]:
 
 
 def test_a_dot_is_a_subject_and_the_mark_its_mean(twelve: StudyResults) -> None:
-    """As model_values has them; a line goes through the dots of one subject."""
+    """As model_values has them; what judges stands first, and in it the model to take."""
     judged = {each.metric: each for each in judged_models(twelve)}
     drawn = models(twelve)[0].axes
-    for axes, metric in zip(drawn, (REPLAY, "error_mm", "true_tip_mean_mm"), strict=True):
+    for axes, metric in zip(drawn, ("error_mm", "true_tip_mean_mm", REPLAY), strict=True):
         rows = names_of(axes)
+        assert rows[0] == "whole-hand"
         dots = {rows[row]: numbers for row, numbers in dots_of(axes).items()}
         assert dots == {name: judged[metric].values[name] for name in rows}
         means = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 1]  # type: ignore[arg-type]
@@ -58,13 +59,24 @@ def test_a_dot_is_a_subject_and_the_mark_its_mean(twelve: StudyResults) -> None:
         assert "n = 12 subjects, held out" in models(twelve)[1]
 
 
+def test_models_with_the_same_numbers_share_a_row(twelve: StudyResults) -> None:
+    """A number that rests on joints alone is the same for models with the same joints."""
+    again = [row | {"model": "paper-fig3"} for row in twelve.model_values if row["model"] == "paper-fig4"]
+    named = replace(twelve, models={"paper-fig3": twelve.models["paper-fig4"], **twelve.models})
+    same = replace(named, model_values=[*twelve.model_values, *again])
+    assert names_of(models(same)[0].axes[0])[:2] == ["whole-hand", "paper-fig3, paper-fig4"]
+    twice = [row | {"value": 2 * row["value"]} if row["value"] else row for row in again]
+    apart = replace(named, model_values=[*twelve.model_values, *twice])
+    assert names_of(models(apart)[0].axes[0])[:3] == ["whole-hand", "paper-fig3", "paper-fig4"]
+
+
 def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
     """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
     blind = [{**row, "true_tip_mean_mm": None} for row in twelve.scores]
     figure, caption = models(compared(replace(twelve, scores=blind, joint_errors=[])))
-    replay, left_out = figure.axes
+    left_out, replay = figure.axes
     assert "replay" in replay.get_xlabel()
-    assert names_of(replay) == list(FITTED_MODELS)
+    assert names_of(replay) == list(FITTED_MODELS)[::-1]
     assert names_of(left_out) == ["whole-hand", "prior-only"]
     assert "not where they are" in caption
 
@@ -109,11 +121,11 @@ def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
     assert 0 < faces.count(PAPER) < len(faces)
 
 
-def test_a_study_without_any_score_says_so(twelve: StudyResults) -> None:
+def test_a_study_without_any_score_says_so(twelve: StudyResults, fitted_study: MadeStudy) -> None:
     empty = compared(replace(twelve, scores=[], joint_errors=[], joints=[], bones=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
         models(empty)
-    drawings = list(of_study(empty))
+    drawings = list(of_study(empty, fitted_study.study))
     assert [drawing.name for drawing in drawings] == list(STUDY_FIGURES)
     for drawing in drawings:
         words = " ".join(text.get_text() for text in drawing.figure.texts)
