@@ -32,8 +32,7 @@ from shukotsu.fit.normal_equations import (
 from shukotsu.fit.posterior import Evidence, Posterior
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.fit.receiver_frames import Convention, concatenate_poses, neighbours, postures, spread_frames
-from shukotsu.hand import average_hand as prior
-from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
+from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, DigitAnatomy, prior
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -322,7 +321,7 @@ def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, fl
     measured = [
         (value / average, sd)
         for value, average, sd in (
-            (length_mm, prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH),
+            (length_mm, AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH),
             (breadth_mm, prior.AVERAGE_BREADTH_MM, prior.SCALE_SD_BY_BREADTH),
         )
         if value is not None

@@ -9,7 +9,7 @@ import numpy as np
 
 from shukotsu.fit.chain_builder import KINDS, axis_frame, bone, receiver, straight
 from shukotsu.fit.posterior import Evidence, Place, centre_by_unknowns, places_of
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix

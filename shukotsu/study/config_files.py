@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Hashable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -22,6 +22,7 @@ from shukotsu.tables.text_files import read_text, slash_hint
 
 SCHEMA_FOLDER = ROOT / "schemas" / "json"
 CONFIG_FOLDER = ROOT / "config"
+Constants = TypeVar("Constants")
 
 REFERENCE = "prior-only"
 """The hand that anatomy expects: a model without a step, which the workflow adds beside a study's own."""
@@ -124,6 +125,14 @@ def read_constants(path: Path) -> dict[str, Any]:
         return tuple(map(fixed, value)) if isinstance(value, list) else value
 
     return dict(fixed(read_yaml(path, "constants")))
+
+
+def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) -> Constants:
+    """Fill a dataclass of constants by field name; an angle in `_RAD` is read from the file's `_DEG`."""
+    for name in kind.__annotations__.keys() - derived.keys():
+        degrees = name.removesuffix("_RAD") + "_DEG"
+        derived[name] = numbers[name] if name in numbers else math.radians(numbers[degrees])
+    return kind(**derived)
 
 
 def yaml_text(content: Any) -> str:
