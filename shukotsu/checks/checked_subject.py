@@ -57,8 +57,10 @@ def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
         for each in ({**each, "groups": " or ".join(each["groups"])} for each in loose)
     ]
     slips = {each["segment"]: each["count"] for each in clusters if each not in loose}
-    seen = {"count": sum(slips.values()), "of": [*slips], "counts": [*slips.values()]}
-    return findings + [Finding("cluster-not-rigid", NOTE, "some", seen)] * bool(slips)
+    if slips:
+        seen = {"count": sum(slips.values()), "of": [*slips], "counts": [*slips.values()]}
+        findings.append(Finding("cluster-not-rigid", NOTE, "some", seen))
+    return findings
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:

@@ -146,10 +146,10 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
     if form == "c3d":
         yield from _c3d_faults(config["receivers"])
     if form == "capture":
-        odd = [key for key in ("orientation", "rate_hz") if key in config]
-        odd += ["fixed"] * bool(config["fixed"]) + ["position_axes"] * (axes != ["x", "y", "z"])
-        if odd:
-            yield f"{odd[0]}: a raw capture says it itself; leave it out"
+        stated = {name: name in config for name in ("orientation", "rate_hz")}
+        stated |= {"fixed": bool(config["fixed"]), "position_axes": axes != ["x", "y", "z"]}
+        if key := next((name for name, is_stated in stated.items() if is_stated), None):
+            yield f"{key}: a raw capture says it itself; leave it out"
 
 
 def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[str]:

@@ -180,7 +180,7 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
     fits = []
     for how, items in lists.items():
         choices = [
-            f"{count} receiver{'s'[: count > 1]} at {rate_hz} Hz"
+            f"{count} receiver{'s' if count > 1 else ''} at {rate_hz} Hz"
             for rate_hz in FAMILIES[settings.family].rates_hz
             if (count := int(baud / BITS_PER_BYTE // (record_type(items).itemsize * rate_hz)))
         ]
