@@ -42,7 +42,7 @@ ANGLE_DECIMALS = 7
 LENGTH_DECIMALS = 7
 CM_PER_MM = 0.1
 ALONE_S = 1 / 60
-"""Frame Time of a file of one frame, whose rate nobody knows."""
+"""Frame Time of a file of one frame, whose rate is unknown."""
 
 AT_REST = "_rest"
 """Ends the name of the joint that has the OFFSET of one that moves."""
@@ -106,8 +106,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 def euler_zyx_deg(quaternion: Array) -> Array:
     """Angles (T, ..., 3) about z, y, x in degrees of rotations (T, ..., 4), R = Rz Ry Rx.
 
-    Continuous over time; the first frame has y within [-90, 90]. At 90, where z and x are not apart, x is
-    what z leaves of the rotation.
+    Continuous over time; the first frame has y within [-90, 90]. At 90 deg, where z and x are not separable,
+    x takes the remainder after z.
     """
     m = matrix(quaternion)
     z = np.arctan2(m[..., 1, 0], m[..., 0, 0])

@@ -104,7 +104,7 @@ def _try(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None
         with command_line.keep_failure(arguments, arguments.record_failure, only_bugs=True) as messages:
             return make(), ""
     except StorageError:
-        raise  # the disk's trouble, and not that of this recording
+        raise  # a system error, not a fault of this recording
     except InputError as error:
         return None, str(error)
     return None, messages[0]
@@ -118,7 +118,7 @@ def _failure_name(arguments: argparse.Namespace) -> str:
 def _forget_failures(folder: Path, *names: str) -> None:
     """Remove the notes on failures of an earlier run."""
     for name in names:
-        with suppress(PermissionError):  # then nothing can be written here either, and that is said
+        with suppress(PermissionError):  # writing will fail as well and report it
             (folder / f"{name}.failed.txt").unlink(missing_ok=True)
 
 

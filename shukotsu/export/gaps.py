@@ -1,8 +1,8 @@
 """Frames without a pose, and an even rate made from uneven times.
 
 A gap is a run of frames in which a joint has no whole pose, or which the recording lost: their numbers are
-missing. Gaps are refused, held, cut away or interpolated, as the user says, and always told. What is filled
-is filled in the frame of the bone before, so that a held finger still goes with the hand; the root is filled
+missing. Gaps are refused, held, cut away or interpolated, as the user chooses, and always reported. Gaps are
+filled in the frame of the proximal bone, so that a held finger still moves with the hand; the root is filled
 in the transmitter's frame. Frames that are known keep their numbers to the bit. Between samples positions are
 linear, and rotations go by the shortest arc at constant angular velocity.
 """

@@ -7,8 +7,8 @@ also the pose that the body is bound in. The animation turns every joint, and mo
 that leave their place in their parent; a key a frame, linear between (rotations: by slerp). Times are device
 times counted from the first frame.
 
-The body is a tapered solid along every bone, a ball at every joint, nails on a hand. Nothing of it is
-measured but the joints: the solids are as thick as reads well. A nail, on the back of a digit's end, tells
+The body is a tapered solid along every bone, a ball at every joint, nails on a hand. Only the joints are
+measured; the thickness of the solids is chosen for legibility. A nail, on the back of a digit's end, tells
 the back of a hand from its palm, and so a right hand from a left one.
 
 Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of where the motion has them.

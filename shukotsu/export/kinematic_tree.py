@@ -46,7 +46,7 @@ from shukotsu.hand.rotations import (
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7
-"""A rotation below this is none: it moves the end of a 100 mm bone by 10 nm."""
+"""Rotations below this are treated as zero: they move the end of a 100 mm bone by 10 nm."""
 
 TISSUE_KG_M3 = 1100.0
 _SLENDER = 0.2

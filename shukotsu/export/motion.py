@@ -1,4 +1,4 @@
-"""What every format is written from: one hand's skeleton and its motion over a recording, in WebXR frames.
+"""Input of every export format: one hand's skeleton and its motion over a recording, in WebXR frames.
 
 Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
 define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's

@@ -1,4 +1,4 @@
-"""The formats that an export can be written in: one table, an entry each, and how one is written.
+"""Registry of the export formats, and how to write one.
 
 The module of a format has `write(motion, path)`, which gets the motion ready (by `prepare`: gaps,
 rate, rig, world upright) and the path of its main file; files beside it have the same stem. It returns
@@ -26,7 +26,7 @@ DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """The words of the command line.
+    """Settings from the command line.
 
     transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `export.gaps`.
     rig : empty for the layout's names. stiff : bones kept at their length, rotations only. fps : None as

@@ -1,7 +1,7 @@
 """The average adult hand as the estimators expect it: how hands differ, where receivers sit, how skin moves.
 
-What estimators weigh recordings against. The simulator reads none of it, and has its hands from elsewhere;
-who reads what: tests/hand. The numbers, their sources and the frame of the hand stand in `average_hand.yaml`.
+Estimators regularise towards these values. The simulator uses none of them (tests/hand). The numbers, their
+sources and the frame of the hand stand in `average_hand.yaml`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The hands that the simulator draws: their bones, how they differ, where receivers sit, how skin moves them.
 
-No estimator reads this module, and the simulator reads nothing that estimators expect: one that is judged on
-people drawn from its own table cannot be seen to be wrong (tests/hand). Several published sources stand here
-as whole hands, since they disagree by more than people differ. The numbers, their sources and the frame of
-the hand stand in `drawn_hands.yaml`.
+No estimator reads this module, and the simulator reads nothing that estimators expect: errors of an estimator
+would remain hidden if it were tested on hands drawn from its own prior (tests/hand). Several published
+sources are included as whole hands, since they disagree by more than people differ. The numbers, their
+sources and the frame of the hand stand in `drawn_hands.yaml`.
 """
 
 from __future__ import annotations

@@ -323,7 +323,9 @@ SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
 
 
 def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> list[SheetRow]:
-    """Return a subject's rows of a sheet for a session: its own, and those for all that it has not."""
+    """Return a subject's rows of a sheet for a session: its own rows, and rows for all sessions that they do
+    not override.
+    """
     key = [column for column in sheet.key if column != "session"]
     of_session = [row for row in rows if row["session"] == session]
     named = {tuple(row[column] for column in key) for row in of_session}

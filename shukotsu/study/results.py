@@ -1,4 +1,4 @@
-"""One module, this one, knows the scheme of a study's paths."""
+"""Paths of a study's results; no other module builds them."""
 
 from __future__ import annotations
 

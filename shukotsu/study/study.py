@@ -1,4 +1,4 @@
-"""A study: its file, its sheets, and which recording serves which purpose."""
+"""A study: its file, its sheets, and the role of each recording."""
 
 from __future__ import annotations
 
@@ -380,7 +380,7 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 
 
 def _why_unusable(recording: Recording) -> str:
-    """Return why no file can have the names that a row asks for; empty where they can."""
+    """Return why the names in a row are not valid file names; empty where they are."""
     names = (*recording.hand.who, recording.task, recording.trial)
     n_bytes = sum(len(path_token(name).encode()) for name in names)
     if n_bytes > NAMES_BYTES:

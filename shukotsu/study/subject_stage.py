@@ -271,8 +271,8 @@ def run(
 def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsWriter) -> Iterator[None]:
     """With --record-failure, write why a part of the tables cannot be had into them, and go on.
 
-    That holds for a bug too: it must not cost a study its other hands and models, and its traceback stays in
-    the log. A TableError is no result of the subject's data, and is raised.
+    That includes bugs: the study's other hands and models must not be lost, and the traceback stays in the
+    log. A TableError is no result of the subject's data, and is raised.
     """
     with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         yield

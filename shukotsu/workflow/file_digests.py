@@ -1,4 +1,4 @@
-"""Know files by what is in them: their SHA-256, kept between runs under what the file system says of each."""
+"""Files identified by the SHA-256 of their content, cached between runs by file-system state."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""What Snakemake noted of every output, kept with the results: copies lose its notes, people delete them.
+"""Snakemake's records of every output, stored with the results, since copies lose them and users delete them.
 
-The end of a run writes beside the logs, for every job, what Snakemake compares (inputs, params, command),
-and of each output its time and the SHA-256 of its content. Before the next run decides what to make, outputs
-are held against that. Where the content is as it was, notes and times that were lost are put back, and
-Snakemake finds what differs from what would be made now. What is not as a run left it gets a note that equals
-nothing.
+The end of a run writes beside the logs, for every job, what Snakemake compares (inputs, params, command), and
+of each output its time and the SHA-256 of its content. Before the next run decides what to make, outputs are
+held against that. Where the content is as it was, notes and times that were lost are put back, and Snakemake
+finds what differs from what would be made now. An output that differs from what a run left gets a record that
+matches no job.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from shukotsu.workflow.file_digests import STAMP, FileDigests
 COMPARED = {"rule", "input", "params", "code", "software_stack_hash", "record_format_version"}
 """Fields of Snakemake's note that it compares with a job of now."""
 NOT_AS_MADE = ["this file is not as a run left it"]
-"""Params of a note that equals nothing."""
+"""Params of a record that matches no job."""
 INSTALLED = {"<python>": sys.executable, "<config>": str(CONFIG_FOLDER)}
 """What stands for paths of this installation where notes are kept."""
 SAME_TIME_S = 1e-5
-"""Times that went through a number with a fraction differ by less."""
+"""Times stored as floating-point seconds differ by less."""
 
 
 def recall(

@@ -1,4 +1,4 @@
-"""The Snakefile asks for the files that jobs read and write, and for what they use of the plan."""
+"""Files that jobs read and write, and the parts of the plan that they use, for the Snakefile."""
 
 from __future__ import annotations
 

@@ -82,7 +82,9 @@ def serve(listener: socket.socket) -> None:
         with suppress(ChildProcessError):  # those that have ended: what they cost counts as this process's
             while ended := os.waitpid(-1, os.WNOHANG)[0]:
                 forks.discard(ended)
-    for fork in forks:  # the workflow was killed: its next run must not find somebody else writing its files
+    for (
+        fork
+    ) in forks:  # the workflow was killed: its next run must not find another process writing its files
         with suppress(ProcessLookupError):
             os.kill(fork, signal.SIGKILL)
         with suppress(ChildProcessError):
@@ -100,7 +102,7 @@ def _run_job(connection: socket.socket) -> None:
                 stream.flush()
         with suppress(OSError):  # whoever waited for the answer is no more
             connection.sendall(bytes([status & 255]))
-    finally:  # whatever happened: a fork must never come back to the listener
+    finally:  # in any case: a fork must never return to the listener
         os._exit(status & 255)
 
 

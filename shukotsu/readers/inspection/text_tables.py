@@ -60,7 +60,7 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """Hold how the text is laid out, as the mapping's `csv` group says it; before : the lines skipped."""
+    """Format of a text table, in the terms of the mapping's `csv` group. before : the skipped lines."""
 
     delimiter: str
     decimal: str
@@ -158,9 +158,9 @@ _JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
 FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 
 MOST_LINES = 16
-"""Receivers beyond whose number positions, and angles, are said in one line."""
+"""With more receivers than this, positions and angles are each summarised in one line."""
 REPEATED_SHARE = 0.2
-"""More rows than this that repeat the one before, and receivers are not in step with the rows."""
+"""Share of rows that repeat the one before, above which receivers are not in step with the rows."""
 
 
 @dataclass(frozen=True)
