@@ -62,7 +62,7 @@ def test_it_beats_the_joint_by_joint_fit(layout: Layout, fitted: HandFit) -> Non
     assert np.median(list(errors.values())) < 0.7 * np.median(alone)
 
 
-def test_the_rest_of_the_summary(fitted: HandFit) -> None:
+def test_wrist_bones_and_receivers_are_within_their_stated_errors(fitted: HandFit) -> None:
     drawn, _ = hand()
     true = drawn.truth.joints
     wrist = fitted.summary.fixed["wrist"]

@@ -183,7 +183,7 @@ def stated_sd_mm(joint: str, **changes: Any) -> float:
     )
 
 
-def test_what_makes_it_grow() -> None:
+def test_a_stated_error_grows_with_gap_small_range_and_flat_cut() -> None:
     usual = stated_sd_mm("index_pip")
     assert 3.0 < usual < 6.0
     assert stated_sd_mm("index_pip", gap_rms_mm=2.0) > 1.4 * usual
