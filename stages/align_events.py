@@ -78,11 +78,7 @@ def recordings_of(
     return recording_alone(*named), None
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(
-        build_parser, argv, align, WRITES, lambda arguments, _: recordings_of(arguments)[0]
-    )
+main = subject_stage.script(build_parser, align, WRITES, lambda arguments, _: recordings_of(arguments)[0])
 
 
 if __name__ == "__main__":

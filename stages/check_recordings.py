@@ -64,9 +64,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
     write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return command_line.run(build_parser, argv, check, record_bug=record_bug)
+main = command_line.script(build_parser, check, record_bug=record_bug)
 
 
 if __name__ == "__main__":

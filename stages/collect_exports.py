@@ -43,9 +43,7 @@ def link_or_copy(source: Path, target: Path) -> None:
             shutil.copy2(source, temporary)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return command_line.run(build_parser, argv, collect)
+main = command_line.script(build_parser, collect)
 
 
 if __name__ == "__main__":

@@ -71,9 +71,7 @@ def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
     return parts_of(plan, arguments.hand, arguments.model)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, fit, WRITES, parts)
+main = subject_stage.script(build_parser, fit, WRITES, parts)
 
 
 if __name__ == "__main__":

@@ -104,9 +104,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
     write_truth(folder, simulated, provenance)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return command_line.run(build_parser, argv, write_simulation)
+main = command_line.script(build_parser, write_simulation)
 
 
 if __name__ == "__main__":

@@ -49,9 +49,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     subject_page.record_failure(arguments, message)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage on the arguments of a command line; return its exit code."""
-    return command_line.run(build_parser, argv, write_pages, record_failure)
+main = command_line.script(build_parser, write_pages, record_failure)
 
 
 if __name__ == "__main__":
