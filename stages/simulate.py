@@ -28,9 +28,6 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
     parser.add_argument("--seed", type=int, default=0, help="same seed, same bytes (default: 0)")
     parser.add_argument("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
-    parser.add_argument(
-        "--truth", type=Path, help="folder of the truth tables (default: the recording's stem + _truth)"
-    )
     parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
     parser.add_argument("--frames", type=int, help="frames (default: opposition 3774, rom 7200)")
     add_realism_options(parser)
@@ -97,7 +94,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
         session=arguments.session,
     )
     write_recording(arguments.out, simulated)
-    folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
+    folder = arguments.out.with_name(f"{arguments.out.stem}_truth")
     names = ("subject", "hand", "task", "seed", "realism", "forearm")
     options |= {"session": arguments.session} if arguments.session else {}
     provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | options)
