@@ -218,7 +218,7 @@ class DigitAnatomy:
 def _thumb(
     facet_mm: Vector, direction: Vector, ip_axis: Vector, mcp_axis: Vector, **numbers: Any
 ) -> DigitAnatomy:
-    """A straight thumb of the numbers' THUMB; its CMC axes lie as its saddle does."""
+    """A straight thumb from THUMB of the YAML file; its CMC axes follow the saddle of the joint."""
     along = unit(np.array(direction))
     ip, mcp = (unit(axis - (axis @ along) * along) for axis in (np.array(ip_axis), np.array(mcp_axis)))
     return DigitAnatomy(
@@ -240,7 +240,7 @@ def _finger(
     lean_deg: float,
     **numbers: Any,
 ) -> DigitAnatomy:
-    """A finger of the numbers' FINGERS, from its CMC, MCP and PIP joint."""
+    """A finger from FINGERS of the YAML file, given its CMC, MCP and PIP joint."""
     cmc, mcp, pip = np.array(joints_mm)
     proximal = middle = unit(pip - mcp)
     lateral = unit(np.array(mcp_axis) - (np.array(mcp_axis) @ middle) * middle)

@@ -226,7 +226,7 @@ def _ct_thumb() -> DrawnDigit:
 
 
 CT: DrawnHand = {"thumb": _ct_thumb(), **{name: _ct_finger(name) for name in drawn.ROLL_DEG}}
-"""The hand of our CT fits: the best supported by far, where phalanges are concerned."""
+"""The hand of our CT fits, by far the best supported source for phalanges."""
 
 XRAY: DrawnHand = {
     name: replace(
@@ -237,8 +237,8 @@ XRAY: DrawnHand = {
     )
     for name, digit in CT.items()
 }
-"""A pictured hand, flat, 170.6 mm long; where its bones stand and turn is not in the picture and is that of
-the CT hand and, of the fingers' axes, of MyoHand."""
+"""A flat hand from X-ray pictures, 170.6 mm long; positions and axes are not in the pictures and are those of
+the CT hand or, for the fingers' axes, of MyoHand."""
 
 
 def _buchholz_finger(name: str) -> DrawnDigit:

@@ -160,7 +160,7 @@ def gaps(first: Wholes, last: Wholes, length: int) -> tuple[Skipped, ...]:
 
 
 NORM_TOLERANCE = 1e-3
-FARTHEST_MM = 3048.0
+TRACKER_RANGE_MM = 3048.0
 """120 inches, beyond the range of any magnetic tracker of this kind."""
 
 
@@ -168,4 +168,4 @@ def doubtful_poses(records: Records) -> Bools:
     """Whether poses (N,) are impossible: not finite, not a unit quaternion, or beyond the tracker's range."""
     far_mm2 = np.einsum("ij,ij->i", records.position_mm, records.position_mm)
     norm2 = np.einsum("ij,ij->i", records.quaternion, records.quaternion)
-    return np.asarray(~(far_mm2 <= FARTHEST_MM**2) | ~(np.abs(norm2 - 1) <= 2 * NORM_TOLERANCE))
+    return np.asarray(~(far_mm2 <= TRACKER_RANGE_MM**2) | ~(np.abs(norm2 - 1) <= 2 * NORM_TOLERANCE))
