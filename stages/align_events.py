@@ -40,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def align(arguments: argparse.Namespace) -> None:
-    """Align every recording's events; one whose events cannot be read costs only its own."""
+    """Align the events of every recording; where they cannot be read, the other recordings still are."""
     from shukotsu.movement.recording_events import aligned_rows
     from shukotsu.tables.typed_table import Provenance
 

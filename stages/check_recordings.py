@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
+    """Check every recording of the subject that holds poses; print the findings and, if asked, write them."""
     from shukotsu.checks.checked_subject import check_subject
     from shukotsu.study.findings import in_quotes
     from shukotsu.tables.catalogue import FINDINGS
@@ -49,7 +49,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
-    """Write a note on every recording that it was not checked, and why."""
+    """Write for every recording a finding that says it was not checked, and why."""
     from shukotsu.errors import InputError
     from shukotsu.study.findings import unchecked_finding
     from shukotsu.tables.catalogue import FINDINGS

@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def collect(arguments: argparse.Namespace) -> None:
-    """Link the files; hidden ones are not collected: Snakemake keeps a folder's time in one."""
+    """Link the files, except hidden ones: Snakemake keeps a folder's time stamp in one."""
     arguments.out.mkdir(parents=True, exist_ok=True)
     for folder in arguments.folders:
         for path in sorted(folder.rglob("[!.]*")):

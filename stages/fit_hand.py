@@ -39,7 +39,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def fit(arguments: argparse.Namespace) -> None:
-    """Fit every part of the hand and write what it is and how it moved."""
+    """Fit every part of the hand; write its dimensions and its motion."""
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_part
     from shukotsu.tables.typed_table import Provenance

@@ -1,4 +1,4 @@
-"""Command line: the tables of every hand and model -> the study's tables, what failed named."""
+"""Command line: the tables of every hand and model -> the study's tables and a table of failures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def gather(arguments: argparse.Namespace) -> None:
-    """Read what the hands wrote, write the study's tables."""
+    """Read the tables of every hand and write the study's."""
     from shukotsu.study.results import Results
     from shukotsu.study.study import read_study
     from shukotsu.workflow.study_tables import gather_study

@@ -59,7 +59,7 @@ def draw(arguments: argparse.Namespace) -> None:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write a study's figures as the sentence that says why there are none."""
+    """Write, in place of a study's figures, the reason why there are none."""
     if arguments.recording:
         print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
         return

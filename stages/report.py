@@ -53,7 +53,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 
 def _language(study: Path) -> str:
-    """The study's language; English where its file cannot be read, which may be what went wrong."""
+    """Return the study's language, or English if its file cannot be read."""
     from shukotsu.report.templates import check_language
     from shukotsu.study.config_files import read_config
 

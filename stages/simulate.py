@@ -35,7 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def add_realism_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what a recording shares with a real one; what is not given is as --realism says."""
+    """Add an option for each real-world effect; --realism sets the ones not given."""
     group = parser.add_argument_group("realism")
     group.add_argument(
         "--realism",
@@ -61,7 +61,7 @@ def add_realism_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _scale(text: str) -> float:
-    """A number from 0 to 10."""
+    """Return the option's number, which must be from 0 to 10."""
     try:
         scale = float(text)
     except ValueError:

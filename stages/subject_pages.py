@@ -43,7 +43,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why no page could be made."""
+    """Write pages that say why no page could be made."""
     from shukotsu.report import subject_page
 
     subject_page.record_failure(arguments, message)
