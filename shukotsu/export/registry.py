@@ -211,9 +211,10 @@ def chosen_formats(names_list: str) -> list[str]:
 
 
 def write_format(motion: PosedRecording, settings: ExportSettings, name: str, path: Path) -> tuple[str, ...]:
-    """Write a motion as it was read into a file of one of FORMATS.
+    """Prepare a motion and write it in one of FORMATS.
 
-    Returns what was done to it and what the file lacks. Raises InputError as getting ready and writing do.
+    Returns notes on what was done to it and what the file lacks. Raises InputError as `prepare` and the
+    format do.
     """
     import numpy as np
 
