@@ -1,1 +1,1 @@
-"""Measure what the stages cost and how well they do, each number beside another from the same run."""
+"""Benchmarks: cost and accuracy of the stages, each number beside a reference from the same run."""

@@ -123,8 +123,8 @@ print(code, time.perf_counter() - started, usage.ru_utime + usage.ru_stime, usag
 
 @dataclass(frozen=True)
 class Usage:
-    """Hold what a process used: seconds by the clock, processor seconds of it and its children, the memory of
-    the largest of them in MB; and what they printed.
+    """Resources of a process: wall-clock seconds, processor seconds including its children, memory of the
+    largest of them in MB; and its output.
     """
 
     seconds: float

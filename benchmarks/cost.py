@@ -1,4 +1,4 @@
-"""What it costs: whole studies and a change to them, and a whole hand fitted, posed and judged."""
+"""Cost of whole studies, of a change to a study, and of fitting, posing and judging a hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hands without a fault, recorded: of the project's own drawing, and of one that shares nothing with it."""
+"""Recordings of hands without a fault: from the project's simulator, and from an independent one."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Planted:
 
 
 def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, str, Planted]]:
-    """Return the drawing, what is odd, and the recording of hands that are odd and right."""
+    """Return the simulator, the peculiarity and the recording of unusual hands without a fault."""
     for task in FRAMES:
         for name, recording in _own_odd(seed, hand, task, rng):
             yield "own", f"{name}, {task}", recording
@@ -56,13 +56,13 @@ def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[
 def own_hand(
     seed: int, hand: str, task: str, *, artefact: float = 1.0, at_nail: bool = False, **simulated: Any
 ) -> Planted:
-    """Record a hand of the project's own drawing; task : rom or opposition. simulated : as of `simulate`."""
+    """Record a hand of the project's simulator; task : rom or opposition. simulated : as of `simulate`."""
     simulation = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
     return Planted((facing_the_nail(simulation) if at_nail else simulation).poses(), hand)
 
 
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
-    """Record a usual hand of the other drawing; task : rom, opposition, grip, typing or piano.
+    """Record an ordinary hand of the independent simulator; task : rom, opposition, grip, typing or piano.
 
     The receiver over the thumb's metacarpal faces any way. recorded : options of `other_hands.record`.
     """
@@ -128,7 +128,7 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
 
 
 def exchange_receivers(poses: Poses, *pairs: tuple[str, str]) -> Poses:
-    """Return poses as they come where receivers, two and two, are taken for each other."""
+    """Return poses in which receivers are exchanged in pairs."""
     order = list(range(len(poses.segments)))
     for first, second in pairs:
         i, j = poses.index(first), poses.index(second)
@@ -159,7 +159,7 @@ def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
 
 
 def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
-    """Those joints move a tenth of what they would."""
+    """Let those joints move a tenth of their usual range."""
 
     def change(motion: TaskMotion) -> TaskMotion:
         angles = motion.angles_rad.copy()

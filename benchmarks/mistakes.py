@@ -1,4 +1,4 @@
-"""Mistakes planted in simulated hands: how often each is named, and false alarms on hands without one."""
+"""Mistakes planted in simulated hands: how often each is detected, and false alarms on hands without one."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ FIRST_SEED = 9000
 PAIRS = 4
 
 Tally = tuple[str, str, bool, bool]
-"""Whose drawing; what was planted; whether it is named first; whether at all."""
+"""Simulator; planted mistake; whether it is named first; whether it is named at all."""
 
 Alarm = tuple[str, str, tuple[str, ...]]
-"""Whose drawing; what is odd; kinds of what is found, though nothing is wrong."""
+"""Simulator; peculiarity; kinds of the false alarms."""
 
 
 Person = tuple[list[Alarm], list[Tally], list[Tally]]
-"""What is said of one where nothing is wrong, tallies of one mistake and of two at once."""
+"""Per person: false alarms, tallies of one mistake and of two at once."""
 
 Mistake = Callable[[Planted, np.random.Generator], Planted]
 
@@ -147,7 +147,7 @@ def _times(factor: float) -> Mistake:
 
 
 def _exchange_receivers(pairs: Callable[[np.random.Generator], Sequence[tuple[str, str]]]) -> Mistake:
-    """Receivers stand for each other's segments."""
+    """Exchange the segments of receivers."""
 
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
         return replace(planted, poses=exchange_receivers(planted.poses, *pairs(rng)))
@@ -263,7 +263,7 @@ def _angles_misread(planted: Planted, rng: np.random.Generator) -> Planted:
 
 
 def _angle_unit(unit: str) -> Mistake:
-    """Angles of the other unit are read in this one."""
+    """Read angles of the other unit as this one."""
 
     def plant(planted: Planted, _: np.random.Generator) -> Planted:
         convert = np.radians if unit == "deg" else np.degrees
@@ -321,7 +321,7 @@ MISTAKES: Mapping[str, tuple[str, Mistake]] = {
     "all receivers": ("receiver-turned", _all_turned),
     "2 to 39 frames": ("too-short", _cut),
 }
-"""By name: the kind, and what plants it."""
+"""Planted mistakes by name: the kind of its finding, and the function that plants it."""
 
 
 def _table(title: str, tallies: Sequence[Tally], meaning: str) -> PrintedTable:

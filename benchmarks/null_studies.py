@@ -1,4 +1,4 @@
-"""Studies in which nothing differs, and some in which it does: false positives and power."""
+"""Studies without and with a true difference: false positives and power."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Arra
 
 
 def correlate_columns(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
-    """Return the same, columns correlated by what is common to a subject."""
+    """Return the numbers with columns correlated within a subject."""
     common, rest = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
     return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * rest)
 
@@ -140,7 +140,7 @@ def _family_of_differences(n: int, columns: int, shared: float, studies: int) ->
 def over_cores(
     row: Callable[..., tuple[Cell, ...]], asked: Sequence[tuple[object, ...]]
 ) -> list[tuple[Cell, ...]]:
-    """Make the rows in two processes."""
+    """Compute the rows in two processes."""
     with workers() as pool:
         return list(pool.map(row, *zip(*asked, strict=True)))
 

@@ -1,4 +1,4 @@
-"""A simulated person of the project's own drawing who plays keys: strokes whose contact is known exactly."""
+"""A person of the project's simulator who plays keys: keystrokes with exactly known contact."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def play(
 
 
 class _Piece:
-    """What is played, as a function of time."""
+    """The piece as a function of time."""
 
     def __init__(
         self, hand: RandomHand, realism: Realism, rng: np.random.Generator, interval_s: float,
@@ -89,7 +89,7 @@ class _Piece:
         ]  # fmt: skip
 
     def played(self, motion: TaskMotion) -> TaskMotion:
-        """Return the motion of somebody who plays in place of another, from where its arm begins."""
+        """Replace the motion of a task by playing, starting from the same pose of the arm."""
         time_s = np.arange(len(motion.wrist_mm)) / RATE_HZ
         shifts = np.cumsum(self.rng.choice([-1, 0, 1], 1 + int(time_s[-1] // 4)) * KEY_MM)
         distal = rotate(motion.forearm[0], np.array([1.0, 0.0, 0.0])) * np.array([1.0, 1.0, 0.0])

@@ -24,9 +24,9 @@ from benchmarks.two_drawings import (
     simulated_hand,
 )
 from shukotsu.fit.fit import HandFit, fit_hand
-from shukotsu.hand import average_hand, rotations
-from shukotsu.hand import drawn_hands as drawn
-from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
+from shukotsu.hand import drawn_hands, rotations
+from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, DigitAnatomy, prior
+from shukotsu.hand.drawn_hands import drawn
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses
 from shukotsu.simulate.mounts import Mounts, Skin, lag_signal, wander
@@ -51,7 +51,7 @@ CONSTANTS_WITHOUT: Mapping[str, Mapping[str, float]] = {
 far as they flex less, and hinges that hardly glide."""
 
 RIG = "a rig"
-LEFT_OUT = (*drawn.SOURCES, *CONSTANTS_WITHOUT, RIG, SHIPPED)
+LEFT_OUT = (*drawn_hands.SOURCES, *CONSTANTS_WITHOUT, RIG, SHIPPED)
 
 MYOHAND_HEIGHT_MM = 5.4
 """Back of metacarpals and proximal phalanges over the line of joints in the one hand beside the CT sets."""
@@ -59,21 +59,23 @@ MYOHAND_HEIGHT_MM = 5.4
 
 def prior_without(source: str) -> Mapping[str, DigitAnatomy]:
     """Average digits made of all sources but one; what no other source has stays as it ships."""
-    if source not in drawn.SOURCES:
+    if source not in drawn_hands.SOURCES:
         return DIGITS
-    rest = {name: hand for name, hand in drawn.SOURCES.items() if name != source}
-    shares = np.array([s for name, s in zip(drawn.SOURCES, drawn.BLEND_SHARES, strict=True) if name in rest])
-    lengths = drawn.blend_hands(list(rest.values()), shares / shares.sum())
+    rest = {name: hand for name, hand in drawn_hands.SOURCES.items() if name != source}
+    shares = np.array(
+        [s for name, s in zip(drawn_hands.SOURCES, drawn.BLEND_SHARES, strict=True) if name in rest]
+    )
+    lengths = drawn_hands.blend_hands(list(rest.values()), shares / shares.sum())
     digits = dict(DIGITS)
     if source == "ct":  # from which the X-ray's hand has all but its lengths
-        others = drawn.blend_hands([drawn.BUCHHOLZ, drawn.MYOHAND], [0.5, 0.5])
+        others = drawn_hands.blend_hands([drawn_hands.BUCHHOLZ, drawn_hands.MYOHAND], [0.5, 0.5])
         digits = {name: _as_anatomy(others[name], digit) for name, digit in DIGITS.items()}
     elif source == "myohand":
         digits |= {name: _in_line(name) for name in drawn.ROLL_DEG}
     return {name: replace(digit, lengths_mm=lengths[name].lengths_mm) for name, digit in digits.items()}
 
 
-def _as_anatomy(digit: drawn.DrawnDigit, like: DigitAnatomy) -> DigitAnatomy:
+def _as_anatomy(digit: drawn_hands.DrawnDigit, like: DigitAnatomy) -> DigitAnatomy:
     heights_mm = like.bone_heights_mm.copy()
     heights_mm[:2] = np.minimum(heights_mm[:2], MYOHAND_HEIGHT_MM)
     return replace(
@@ -88,7 +90,7 @@ def _as_anatomy(digit: drawn.DrawnDigit, like: DigitAnatomy) -> DigitAnatomy:
 
 def _in_line(name: str) -> DigitAnatomy:
     """A finger that goes on as its metacarpal does, its hinges along the row of Buchholz' knuckles."""
-    row = [drawn.BUCHHOLZ[finger] for finger in drawn.ROLL_DEG]
+    row = [drawn_hands.BUCHHOLZ[finger] for finger in drawn.ROLL_DEG]
     knuckles = [finger.base_mm + finger.lengths_mm[0] * finger.directions[0] for finger in row]
     at = list(drawn.ROLL_DEG).index(name)
     across = knuckles[max(0, at - 1)] - knuckles[min(len(row) - 1, at + 1)]
@@ -100,7 +102,7 @@ def _in_line(name: str) -> DigitAnatomy:
     return replace(DIGITS[name], base_mm=row[at].base_mm, directions=along, flexion_axes=rotations.unit(axes))
 
 
-def _rigged(name: str, digit: drawn.DrawnDigit) -> drawn.DrawnDigit:
+def _rigged(name: str, digit: drawn_hands.DrawnDigit) -> drawn_hands.DrawnDigit:
     """A digit as who rigs a mesh draws it: palm broad and begun far back, plain hinges, fingers in line."""
     if name == "thumb":
         return replace(
@@ -120,7 +122,7 @@ def _rigged(name: str, digit: drawn.DrawnDigit) -> drawn.DrawnDigit:
     )
 
 
-RIGGED: drawn.DrawnHand = {name: _rigged(name, digit) for name, digit in drawn.CT.items()}
+RIGGED: drawn_hands.DrawnHand = {name: _rigged(name, digit) for name, digit in drawn_hands.CT.items()}
 
 # --- other skins
 
@@ -281,11 +283,11 @@ def one_hand(first_seed: int, seed: int) -> Fitted:
 
 def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
     """Record a person drawn round a source, or a blend of all where it is no whole hand, in a skin."""
-    anatomy = source if source in (*drawn.SOURCES, RIG) else drawn.BLEND
+    anatomy = source if source in (*drawn_hands.SOURCES, RIG) else drawn_hands.BLEND
     realism = Realism(anatomy=anatomy, artefact=0.0 if skin == STILL else 1.0)
     with ExitStack() as stack:
         if source == RIG:
-            stack.enter_context(mock.patch.dict(drawn.SOURCES, {RIG: RIGGED}))
+            stack.enter_context(mock.patch.dict(drawn_hands.SOURCES, {RIG: RIGGED}))
         if skin == MESH:
             stack.enter_context(mock.patch(f"{SIMULATION}.on_skin", partial(ride_on_mesh, seed)))
         if skin not in (SATURATING, STILL):
@@ -297,10 +299,8 @@ def fit_without(source: str, person: Drawn) -> HandFit:
     """Fit a hand with the prior that is made without a source."""
     digits = prior_without(source)
     with ExitStack() as stack:
-        stack.enter_context(mock.patch("shukotsu.fit.fit.DIGITS", digits))
-        stack.enter_context(mock.patch.object(average_hand, "DIGITS", digits))
-        for name, value in CONSTANTS_WITHOUT.get(source, {}).items():
-            stack.enter_context(mock.patch.object(average_hand, name, value))
+        stack.enter_context(mock.patch.dict(DIGITS, digits))
+        stack.enter_context(mock.patch.dict(vars(prior), CONSTANTS_WITHOUT.get(source, {})))
         return fit_hand([person.poses], read_layout(LAYOUT), person.hand)
 
 
@@ -340,7 +340,7 @@ def _parts_table(hands: Sequence[Fitted]) -> PrintedTable:
         for kind, names in JOINT_TYPES.items()
     ]
     parts = [(0, digit) for digit in drawn.LENGTH_SD_MM]
-    parts += [(1, kind) for kind in average_hand.BONE_KINDS[:-1]]
+    parts += [(1, kind) for kind in BONE_KINDS[:-1]]
     for place, part in parts:
         of_part = [length for length in lengths if length.bone.split("_")[place] == part]
         mm, inside = [abs(length.off_mm) for length in of_part], [length.inside for length in of_part]

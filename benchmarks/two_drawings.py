@@ -1,4 +1,4 @@
-"""Whole hands of two drawings: errors, what is believed of them, and whether the stated sd is true."""
+"""Whole hands of two simulators: errors, verdicts, and calibration of the stated sd."""
 
 from __future__ import annotations
 

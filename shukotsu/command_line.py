@@ -73,6 +73,13 @@ def add_outputs(parser: argparse.ArgumentParser, **outputs: str) -> None:
         parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True, help=help_text)
 
 
+def add_study_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a stage that works on a whole study: its file and its results folder."""
+    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
+    results = "the study's results folder"
+    parser.add_argument("--results", type=Path, required=True, metavar="FOLDER", help=results)
+
+
 def _path(text: str) -> Path:
     """Return an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
     if not text:
@@ -108,6 +115,16 @@ def run(
         return status
 
     return run_command(command)
+
+
+def script(
+    build_parser: Callable[[], argparse.ArgumentParser],
+    work: Callable[[argparse.Namespace], int | None],
+    record_failure: Callable[[argparse.Namespace, str], None] | None = None,
+    record_bug: Callable[[argparse.Namespace, str], None] | None = None,
+) -> Callable[..., int]:
+    """Return a stage's `main`, which takes the arguments and returns the exit code; see `run`."""
+    return lambda argv=None: run(build_parser, argv, work, record_failure, record_bug)
 
 
 def run_command(command: Callable[[], int | None]) -> int:

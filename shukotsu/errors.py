@@ -1,4 +1,4 @@
-"""Define errors that a person can put right: bad input or bad configuration."""
+"""Errors that a user can correct: bad input or bad configuration."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 MOST_LETTERS = 400
-"""Letters of a message; what it names stands first and what to do last, so the middle is left out."""
+"""Longest message; the place stands first and the remedy last, so the middle is left out."""
 
 INTERNAL = "internal error in"
-"""How the reason begins why a part cannot be had that a bug ended; the stage follows."""
+"""Start of the reason for a part that failed by a bug; the stage follows."""
 
 
 class InputError(Exception):
-    """Bad input or configuration, told in one sentence that names the place and says what to do.
+    """Bad input or configuration, described in one sentence that names the place and the remedy.
 
     Command lines print the sentence and end with exit code 2; nothing else does. A line break or a run of
     blanks in what is quoted (another library's message) becomes one blank, a control character or half a
@@ -27,13 +27,13 @@ class InputError(Exception):
 
 
 def on_one_line(text: str) -> str:
-    """Return text as a message may quote it: one line of printable letters, not too many."""
+    """Convert text for quoting in a message: one line of printable letters, cut at MOST_LETTERS."""
     printable = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     return shorten(printable, MOST_LETTERS)
 
 
 def shorten(text: str, most: int) -> str:
-    """Leave out the middle of a text that has more letters."""
+    """Cut the middle of a text that is longer than `most`."""
     if len(text) <= most:
         return text
     cut, end = " [...] ", most // 3
@@ -41,22 +41,22 @@ def shorten(text: str, most: int) -> str:
 
 
 class TableError(InputError):
-    """A table of the pipeline is not what it should be: damaged, of another version, or somebody else's.
+    """A table of the pipeline is damaged, of another version, or of another subject.
 
-    No result of a subject's own data (but see `reading_what_was_brought`), so a stage that meets it fails.
+    A subject's data cannot cause it (but see `reading_what_was_brought`), so the stage fails.
     """
 
 
 class StorageError(TableError):
     """A file could not be written: the disk is full, a quota used up, a folder read-only.
 
-    What would have been in it is no result either: it is made by the next run, when there is room.
+    The missing file counts as not made, and the next run makes it.
     """
 
 
 @contextmanager
 def reading_what_was_brought() -> Iterator[None]:
-    """Take a table that is not what it should be for bad input: it was brought, no stage wrote it."""
+    """Treat a damaged table as bad input, since the user supplied it and no stage wrote it."""
     try:
         yield
     except StorageError:
@@ -66,23 +66,23 @@ def reading_what_was_brought() -> Iterator[None]:
 
 
 def join_reasons(reasons: Iterable[str]) -> str:
-    """Return several reasons as one text, each once."""
+    """Join different reasons into one text."""
     return "; ".join(dict.fromkeys(filter(None, reasons)))
 
 
 def list_names(names: Sequence[str], most: int = 8) -> str:
-    """Name the first of what a file holds, and how many more there are; "none" where it holds nothing."""
+    """List the first few names and the number of the others; "none" where there is no name."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     short = (name if len(name) <= 40 else f"{name[:37]}..." for name in names[:most])
     return (", ".join(short) or "none") + more
 
 
 def guess(word: str, words: Sequence[str]) -> str:
-    """Suggest a word for one that there is not: the nearest there is, or else all of them."""
+    """Suggest the most similar known word, or list all of them where none is similar."""
     return nearest(word, words, "") or f"expected one of {', '.join(words)}"
 
 
 def nearest(word: str, words: Sequence[str], before: str = "; ") -> str:
-    """Ask whether the nearest of some words was meant; empty where none is near."""
+    """Return the question whether the most similar word was meant, or an empty text where none is similar."""
     close = difflib.get_close_matches(word, words, 1)
     return f"{before}did you mean {close[0]!r}?" if close else ""

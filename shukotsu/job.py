@@ -1,9 +1,9 @@
-"""A stage's script, run as a job of a study: in a warm process where there is one, else right here.
+"""Run a stage's script as a job of a study, in a fork of the warm process where there is one.
 
-To start Python and import what a stage needs takes longer than most jobs' work. On one machine the workflow
-therefore starts a process that has imported everything (`workflow.warm_process`), and a job is a fork of it:
-the script hands over its arguments, folder, environment and open files, and ends as the fork does.
-Elsewhere, and where that process is out of reach, the script does its work itself, to the same bytes.
+Starting Python and importing a stage's modules takes longer than the work of most jobs. On one machine the
+workflow therefore starts a process that has imported everything (`workflow.warm_process`), and a job is a
+fork of it: the script hands over its arguments, folder, environment and open files, and ends as the fork
+does. Elsewhere, and where that process is out of reach, the script does its work itself, to the same bytes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ KILLED = 137
 
 
 def run(main: Callable[[], int]) -> int:
-    """Run the script that Python was started with, whose `main` is given; return its exit code."""
+    """Run the `main` of the script that Python was started with; return its exit code."""
     if ADDRESS not in os.environ:
         return main()
     status = run_in_fork([os.path.abspath(sys.argv[0]), *sys.argv[1:]])  # noqa: PTH100 - pathlib, see below
@@ -34,7 +34,7 @@ def run(main: Callable[[], int]) -> int:
 
 
 def run_in_fork(argv: Sequence[str]) -> int | None:
-    """Have a fork of the warm process do the job; return its exit code, None where it was not started."""
+    """Run the job in a fork of the warm process; return its exit code, or None if it was not started."""
     with socket.socket(socket.AF_UNIX) as connection:
         try:
             connection.connect(os.environ[ADDRESS])

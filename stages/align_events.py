@@ -40,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def align(arguments: argparse.Namespace) -> None:
-    """Align every recording's events; one whose events cannot be read costs only its own."""
+    """Align the events of every recording; where they cannot be read, the other recordings still are."""
     from shukotsu.movement.recording_events import aligned_rows
     from shukotsu.tables.typed_table import Provenance
 
@@ -78,11 +78,7 @@ def recordings_of(
     return recording_alone(*named), None
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(
-        build_parser, argv, align, WRITES, lambda arguments, _: recordings_of(arguments)[0]
-    )
+main = subject_stage.script(build_parser, align, WRITES, lambda arguments, _: recordings_of(arguments)[0])
 
 
 if __name__ == "__main__":

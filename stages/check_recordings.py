@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
+    """Check every recording of the subject that holds poses; print the findings and, if asked, write them."""
     from shukotsu.checks.checked_subject import check_subject
     from shukotsu.study.findings import in_quotes
     from shukotsu.tables.catalogue import FINDINGS
@@ -49,7 +49,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
-    """Write a note on every recording that it was not checked, and why."""
+    """Write for every recording a finding that says it was not checked, and why."""
     from shukotsu.errors import InputError
     from shukotsu.study.findings import unchecked_finding
     from shukotsu.tables.catalogue import FINDINGS
@@ -64,9 +64,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
     write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return command_line.run(build_parser, argv, check, record_bug=record_bug)
+main = command_line.script(build_parser, check, record_bug=record_bug)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def collect(arguments: argparse.Namespace) -> None:
-    """Link the files; hidden ones are not collected: Snakemake keeps a folder's time in one."""
+    """Link the files, except hidden ones: Snakemake keeps a folder's time stamp in one."""
     arguments.out.mkdir(parents=True, exist_ok=True)
     for folder in arguments.folders:
         for path in sorted(folder.rglob("[!.]*")):
@@ -43,9 +43,7 @@ def link_or_copy(source: Path, target: Path) -> None:
             shutil.copy2(source, temporary)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return command_line.run(build_parser, argv, collect)
+main = command_line.script(build_parser, collect)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from shukotsu import command_line, job
 
@@ -18,8 +17,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage compare_models --study config/demo.yaml --results results/demo",
         records_failure=False,
     )
-    parser.add_argument("--study", type=Path, required=True, help="the study file")
-    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    command_line.add_study_options(parser)
     return parser
 
 
@@ -32,9 +30,7 @@ def compare(arguments: argparse.Namespace) -> None:
     compare_study(read_study(arguments.study), Results(arguments.results))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return command_line.run(build_parser, argv, compare)
+main = command_line.script(build_parser, compare)
 
 
 if __name__ == "__main__":

@@ -48,9 +48,7 @@ def estimate(arguments: argparse.Namespace) -> None:
                 write_part(plan, part, tables)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, estimate, WRITES)
+main = subject_stage.script(build_parser, estimate, WRITES)
 
 
 if __name__ == "__main__":

@@ -51,9 +51,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
                     table.rows(part, rows)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, evaluate, WRITES, subject_stage.hands_of)
+main = subject_stage.script(build_parser, evaluate, WRITES, subject_stage.hands_of)
 
 
 if __name__ == "__main__":

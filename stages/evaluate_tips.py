@@ -50,9 +50,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
                 write_part(plan, part, tables["tips"], tables["tip_errors"])
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, evaluate, WRITES)
+main = subject_stage.script(build_parser, evaluate, WRITES)
 
 
 if __name__ == "__main__":

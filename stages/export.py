@@ -54,9 +54,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     exported_plans.record_failure(arguments, message)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage on a command line; return its exit code."""
-    return command_line.run(build_parser, argv, export, record_failure)
+main = command_line.script(build_parser, export, record_failure)
 
 
 if __name__ == "__main__":

@@ -30,9 +30,7 @@ def write(arguments: argparse.Namespace) -> None:
     write_tables(arguments.tables, arguments.study, arguments.out)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return command_line.run(build_parser, argv, write)
+main = command_line.script(build_parser, write)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line, job
@@ -35,32 +34,25 @@ def build_parser() -> argparse.ArgumentParser:
         sizes=("hand_length_mm", "hand_breadth_mm"),
         sheets=("measurements", "touches"),
     )
-    parser.add_argument(
-        "--other-poses",
-        type=Path,
-        nargs="*",
-        default=[],
-        help="calibration poses of the same person's other hand, whose bones are as long",
-    )
     command_line.add_outputs(parser, out="folder of the tables to write")
     return parser
 
 
 def fit(arguments: argparse.Namespace) -> None:
-    """Fit every part of the hand and write what it is and how it moved."""
+    """Fit every part of the hand; write its dimensions and its motion."""
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_part
     from shukotsu.tables.typed_table import Provenance
 
     with held_kernel(alone=False):
         plan = fitted_plan(subject_stage.plan_of(arguments), arguments.hand, arguments.model)
-    files = [*subject_stage.poses_files(plan), *arguments.other_poses]
+    files = subject_stage.poses_files(plan)
     files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
     with subject_stage.writing(arguments, WRITES, Provenance.of(files, plan.folder)) as tables:
         for part in parts_of(plan, arguments.hand, arguments.model):
             recorded = fitted_tables(plan, part, tables)
             with subject_stage.recording_failure(arguments, part, *recorded):
-                write_part(plan, part, arguments.other_poses, tables)
+                write_part(plan, part, tables)
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
@@ -71,9 +63,7 @@ def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
     return parts_of(plan, arguments.hand, arguments.model)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, fit, WRITES, parts)
+main = subject_stage.script(build_parser, fit, WRITES, parts)
 
 
 if __name__ == "__main__":

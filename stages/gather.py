@@ -1,10 +1,9 @@
-"""Command line: the tables of every hand and model -> the study's tables, what failed named."""
+"""Command line: the tables of every hand and model -> the study's tables and a table of failures."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from shukotsu import command_line, job
 
@@ -17,13 +16,12 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage gather --study config/demo.yaml --results results/demo",
         records_failure=False,
     )
-    parser.add_argument("--study", type=Path, required=True, help="the study file")
-    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    command_line.add_study_options(parser)
     return parser
 
 
 def gather(arguments: argparse.Namespace) -> None:
-    """Read what the hands wrote, write the study's tables."""
+    """Read the tables of every hand and write the study's."""
     from shukotsu.study.results import Results
     from shukotsu.study.study import read_study
     from shukotsu.workflow.study_tables import gather_study
@@ -31,9 +29,7 @@ def gather(arguments: argparse.Namespace) -> None:
     gather_study(read_study(arguments.study), Results(arguments.results))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return command_line.run(build_parser, argv, gather)
+main = command_line.script(build_parser, gather)
 
 
 if __name__ == "__main__":

@@ -55,9 +55,7 @@ def parts(arguments: argparse.Namespace, table: str) -> list[Part]:
     return subject_stage.plan_of(arguments).whole_parts
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, measure, WRITES, parts)
+main = subject_stage.script(build_parser, measure, WRITES, parts)
 
 
 if __name__ == "__main__":

@@ -18,8 +18,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--out results/demo/sub-01/plan.json",
         records_failure=False,
     )
-    parser.add_argument("--study", type=Path, required=True, help="the study file")
-    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    command_line.add_study_options(parser)
     parser.add_argument("--subject", required=True, help="the subject, as in the recordings sheet")
     parser.add_argument("--session", default="", help="the session, where the sheet names any")
     parser.add_argument("--out", type=Path, required=True, help="the plan to write")
@@ -36,9 +35,7 @@ def write_plan(arguments: argparse.Namespace) -> None:
     write_text(arguments.out, plan_text(plans.content(arguments.subject, arguments.session)))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Write the plan; return the exit code."""
-    return command_line.run(build_parser, argv, write_plan)
+main = command_line.script(build_parser, write_plan)
 
 
 if __name__ == "__main__":

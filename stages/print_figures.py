@@ -18,10 +18,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage print_figures --study config/demo.yaml --results results/demo "
         "--out results/demo/figures",
     )
-    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
-    parser.add_argument(
-        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
-    )
+    command_line.add_study_options(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the figures go")
     parser.add_argument(
         "--recording",
@@ -62,7 +59,7 @@ def draw(arguments: argparse.Namespace) -> None:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write a study's figures as the sentence that says why there are none."""
+    """Write, in place of a study's figures, the reason why there are none."""
     if arguments.recording:
         print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
         return
@@ -73,9 +70,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
         save(arguments.out, not_drawn(name, message))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage and return its exit code."""
-    return command_line.run(build_parser, argv, draw, record_failure)
+main = command_line.script(build_parser, draw, record_failure)
 
 
 if __name__ == "__main__":

@@ -39,9 +39,7 @@ def project_planes(arguments: argparse.Namespace) -> None:
                 tables["projected_joints"].rows(part, place_joints(solutions, plan, part))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, project_planes, WRITES)
+main = subject_stage.script(build_parser, project_planes, WRITES)
 
 
 if __name__ == "__main__":

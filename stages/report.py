@@ -19,10 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
     )
-    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
-    parser.add_argument(
-        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
-    )
+    command_line.add_study_options(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page to write")
     return parser
 
@@ -56,7 +53,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 
 def _language(study: Path) -> str:
-    """The study's language; English where its file cannot be read, which may be what went wrong."""
+    """Return the study's language, or English if its file cannot be read."""
     from shukotsu.report.templates import check_language
     from shukotsu.study.config_files import read_config
 
@@ -68,9 +65,7 @@ def _language(study: Path) -> str:
     return language
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return command_line.run(build_parser, argv, report, record_failure)
+main = command_line.script(build_parser, report, record_failure)
 
 
 if __name__ == "__main__":

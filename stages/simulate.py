@@ -28,9 +28,6 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
     parser.add_argument("--seed", type=int, default=0, help="same seed, same bytes (default: 0)")
     parser.add_argument("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
-    parser.add_argument(
-        "--truth", type=Path, help="folder of the truth tables (default: the recording's stem + _truth)"
-    )
     parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
     parser.add_argument("--frames", type=int, help="frames (default: opposition 3774, rom 7200)")
     add_realism_options(parser)
@@ -38,7 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def add_realism_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what a recording shares with a real one; what is not given is as --realism says."""
+    """Add an option for each real-world effect; --realism sets the ones not given."""
     group = parser.add_argument_group("realism")
     group.add_argument(
         "--realism",
@@ -64,7 +61,7 @@ def add_realism_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _scale(text: str) -> float:
-    """A number from 0 to 10."""
+    """Return the option's number, which must be from 0 to 10."""
     try:
         scale = float(text)
     except ValueError:
@@ -97,16 +94,14 @@ def write_simulation(arguments: argparse.Namespace) -> None:
         session=arguments.session,
     )
     write_recording(arguments.out, simulated)
-    folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
+    folder = arguments.out.with_name(f"{arguments.out.stem}_truth")
     names = ("subject", "hand", "task", "seed", "realism", "forearm")
     options |= {"session": arguments.session} if arguments.session else {}
     provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | options)
     write_truth(folder, simulated, provenance)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    return command_line.run(build_parser, argv, write_simulation)
+main = command_line.script(build_parser, write_simulation)
 
 
 if __name__ == "__main__":

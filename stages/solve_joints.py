@@ -57,9 +57,7 @@ def solve(arguments: argparse.Namespace) -> None:
                 solutions.rows(part, [{**plan.who._asdict(), **row} for row in outcome])
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, solve, WRITES)
+main = subject_stage.script(build_parser, solve, WRITES)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from shukotsu import command_line, job
@@ -37,9 +36,7 @@ def stream(arguments: argparse.Namespace) -> None:
     write_archive(device, arguments.out, {"recording": arguments.recording.name})
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the stage; return the exit code."""
-    return command_line.run(build_parser, argv, stream)
+main = command_line.script(build_parser, stream)
 
 
 if __name__ == "__main__":

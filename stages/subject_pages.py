@@ -43,15 +43,13 @@ def write_pages(arguments: argparse.Namespace) -> None:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why no page could be made."""
+    """Write pages that say why no page could be made."""
     from shukotsu.report import subject_page
 
     subject_page.record_failure(arguments, message)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the stage on the arguments of a command line; return its exit code."""
-    return command_line.run(build_parser, argv, write_pages, record_failure)
+main = command_line.script(build_parser, write_pages, record_failure)
 
 
 if __name__ == "__main__":

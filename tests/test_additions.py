@@ -120,23 +120,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory, hand: SimulatedHand) -> Pat
     return folder
 
 
-def test_a_model(folder: Path) -> None:
+def test_an_added_model_solves_joints(folder: Path) -> None:
     rows = pq.read_table(folder / "joints.parquet")
     assert set(rows["model"].to_pylist()) == {"mine"}
     assert np.isfinite(rows["parent_x_mm"].drop_null().to_numpy()).any()
 
 
-def test_a_column(folder: Path) -> None:
+def test_an_added_column_is_written_with_its_unit(folder: Path) -> None:
     rows = pq.read_table(folder / "findings.parquet")
     assert rows["n_words"].to_pylist() == [len(text.split()) for text in rows["message"].to_pylist()] != []
     assert rows.schema.field("n_words").metadata[b"unit"] == b"words"
 
 
-def test_a_reader(folder: Path) -> None:
+def test_an_added_reader_imports_its_format(folder: Path) -> None:
     assert pq.read_table(folder / "read.parquet").num_rows >= 80
 
 
-def test_an_export(folder: Path, hand: SimulatedHand) -> None:
+def test_an_added_format_is_exported(folder: Path, hand: SimulatedHand) -> None:
     (written,) = (folder / "exports").glob("*.frames")
     assert list(map(int, written.read_text().split())) == hand.motion(FITTED).frame.tolist()
 
@@ -146,7 +146,6 @@ NOT_OF_THE_FIT = {"JOINTWISE_SLIDE_SD_MM", "JOINTWISE_TILT_SD", "UNKNOWN_SLIDE_S
 PRINT_MODEL = """
 import json, numpy as np
 from shukotsu.fit.chain import hand_model
-from shukotsu.hand import average_hand
 from shukotsu.study.layout import read_layout
 layout = read_layout("liberty16")
 worn = [name for name in layout.measured if not layout.segments[name].optional]

@@ -1,7 +1,7 @@
-"""A second drawing of hands, by which checks and solvers are judged that were made on the first.
+"""An independent simulator of hands, on which checks and solvers developed on the other are evaluated.
 
-Written from the published anatomy and the layouts' words alone; it shares nothing with the project's own
-simulator but the table of poses it ends in.
+It is written from the published anatomy and the layouts' descriptions alone and shares only the format of
+poses with the project's simulator.
 """
 
 from benchmarks.other_hands.person import Person, draw_person

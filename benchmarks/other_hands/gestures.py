@@ -1,6 +1,6 @@
-"""Make the hand's motion: all joint angles, degrees from the flat drawing, and where the arm holds it.
+"""Motion of the hand: all joint angles, in degrees from the flat hand, and the pose of the arm.
 
-A score of postures is written down first, then played: straight lines from posture to posture, rounded off.
+A sequence of postures is drawn first and then interpolated by straight lines with rounded corners.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def _all(joint: str, deg: float) -> Posture:
 
 
 class _Player:
-    """Somebody who has been asked to move: knows their own range, rest and idea of a flat hand."""
+    """A person performing a task, with an individual range, rest posture and flat posture."""
 
     def __init__(self, person: Person, rng: np.random.Generator) -> None:
         self.person, self.rng, self.habits = person, rng, person.habits
@@ -69,7 +69,7 @@ class _Player:
 
 
 def _calibration(player: _Player, seconds: float) -> Score:
-    """Every joint through its range, in an order and at a pace of one's own."""
+    """Move every joint through its range, in an individual order and pace."""
     times = int(np.clip(round(seconds / 32), 1, 3))
     rng, reach = player.rng, player.reach
     straight = dict(player.flat)
@@ -204,7 +204,7 @@ def move_joints(
             now[names.index(name)] = deg
         knots[row] = now
     took_s = np.array([took for _, took in score])
-    took_s[0] = min(took_s[0], time_s[-1] / 6)  # nobody lies flat the shorter for being in a hurry
+    took_s[0] = min(took_s[0], time_s[-1] / 6)  # the flat posture lasts equally long at any pace
     hurry = (time_s[-1] - took_s[0]) / took_s[1:].sum()
     at_s = np.cumsum(np.append(took_s[:1], hurry * took_s[1:]))
     track = np.column_stack([np.interp(time_s, at_s, column) for column in knots.T])

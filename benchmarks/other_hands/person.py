@@ -1,7 +1,7 @@
-"""A person's hand as points and lines in one drawing: as it lies flat on a table, seen from above.
+"""A person's hand as points and lines, lying flat on a table and seen from above.
 
-Everything is drawn once, in the table's own axes (east, north, up; mm; a right hand, fingers to the north,
-so the thumb points west), and from there only carried about. No bone has a frame of its own.
+Everything is defined once, in the table's axes (east, north, up; mm; a right hand, fingers to the north, so
+the thumb points west), and from there only carried about. No bone has a frame of its own.
 """
 
 from __future__ import annotations
@@ -122,12 +122,12 @@ class Person:
 
 
 def unit(vector: Array) -> Array:
-    """Return it with length 1."""
+    """Return the vector with length 1."""
     return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
 
 
 def turn_about_axis(vector: Array, axis: Array, deg: float) -> Array:
-    """Return it turned about an axis through the origin."""
+    """Return the vectors rotated about an axis through the origin."""
     return np.asarray(Rotation.from_rotvec(np.deg2rad(deg) * axis).apply(vector))
 
 
@@ -146,7 +146,7 @@ def draw_person(
         if drawing.possible():
             break
     habits = {
-        "reach": float(rng.uniform(0.85, 1.05)),  # how much of a usual range this person has
+        "reach": float(rng.uniform(0.85, 1.05)),  # this person's share of the usual range
         "tip_share": float(rng.uniform(0.45, 0.75)),  # of the PIP joint's bending that the DIP follows
         "curl": float(rng.uniform(0.5, 1.5)),  # of the hand at rest
         "thumb_out": float(rng.uniform(-8, 12)),
@@ -156,7 +156,7 @@ def draw_person(
 
 
 def _table(distal_radial_dorsal: tuple[float, float, float]) -> Array:
-    """Words of anatomy to a place on the table, for a right hand."""
+    """Convert anatomical directions to table coordinates, for a right hand."""
     distal, radial, dorsal = distal_radial_dorsal
     return np.array([-radial, distal, dorsal])
 

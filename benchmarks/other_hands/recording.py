@@ -1,7 +1,7 @@
 """A recording of somebody's hand, and what is true of it: skin, arm, and a magnetic tracker in a room.
 
-Skin moves receivers by straps from the joints around, which pull unevenly, stick and creep back: a strap's
-pull follows the joint's angle with play that the skin's creep takes back within seconds, and saturates. The
+Skin moves receivers by straps from the joints around, which pull unevenly, stick and creep back: the pull of
+a strap follows the joint's angle with hysteresis that creep removes within seconds, and saturates. The
 thumb's metacarpal is wrapped in skin and muscle that stay behind: its receiver is carried through a share of
 the bone's turning only, another share of its place.
 """
@@ -23,7 +23,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class DrawnRecording:
-    """What the tracker says, and what it should have said. World: the transmitter's frame, mm.
+    """Poses as the tracker reports them, and the true ones. World: the transmitter's frame, mm.
 
     poses : as measured; true_pose : the same receivers where they really were; true_centre_mm : by joint,
     (T, 3); true_angles_deg : by joint, (T, D) from the flat drawing, bending first; true_lengths_mm : by

@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 from shukotsu import command_line
 from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
 from shukotsu.checks.hypotheses import Declared
-from shukotsu.hand import average_hand as average
+from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.rotations import Array
 from shukotsu.study.findings import NOTE, SUSPECT, Finding, same_file, unchecked_finding
 from shukotsu.study.layout import Layout
@@ -57,8 +57,10 @@ def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
         for each in ({**each, "groups": " or ".join(each["groups"])} for each in loose)
     ]
     slips = {each["segment"]: each["count"] for each in clusters if each not in loose}
-    seen = {"count": sum(slips.values()), "of": [*slips], "counts": [*slips.values()]}
-    return findings + [Finding("cluster-not-rigid", NOTE, "some", seen)] * bool(slips)
+    if slips:
+        seen = {"count": sum(slips.values()), "of": [*slips], "counts": [*slips.values()]}
+        findings.append(Finding("cluster-not-rigid", NOTE, "some", seen))
+    return findings
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
@@ -95,7 +97,7 @@ def _check_recording(plan: SubjectPlan, recording: Recording, arguments: Namespa
     return CheckedRecording((unchecked_finding(messages[0]),), "", None, None)
 
 
-FINGERS = tuple(name for name in average.DIGITS if name != "thumb")
+FINGERS = tuple(name for name in DIGITS if name != "thumb")
 PHALANX_MM, KNUCKLE_MM = ((2.0, 5.2), (1.9, 3.5)), ((1.9, 3.5), (1.3, 2.9), (1.4, 2.7))
 SCALE = (0.025, 0.105)
 """Sd of a difference between recordings, of one person and of two: proximal and middle phalanges;

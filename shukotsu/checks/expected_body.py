@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand import average_hand as average
+from shukotsu.hand.average_hand import DIGITS, DigitAnatomy, prior
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, cross_matrix
 from shukotsu.hand.sampled_motion import receiver_axes
@@ -105,7 +105,7 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
 
 def _expect(body: ExpectedBody, index: int, joint: Joint, digit: Digit, layout: Layout) -> None:
     """Fill in a joint of a digit."""
-    anatomy = average.DIGITS[digit.name]
+    anatomy = DIGITS[digit.name]
     bone = digit.segments.index(joint.child)
     thumb = digit.name == "thumb"
     on_root = joint.parent_receiver == digit.base
@@ -132,7 +132,7 @@ def _expect(body: ExpectedBody, index: int, joint: Joint, digit: Digit, layout: 
     body.gap_mm[index] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
 
 
-def _frames(anatomy: average.DigitAnatomy) -> list[Array]:
+def _frames(anatomy: DigitAnatomy) -> list[Array]:
     """A digit's bones' frames (B, 3, 3) for every facing of its first bone, past either side of a thumb's."""
     frames = anatomy.frames()
     if anatomy.second_axis is None:
@@ -157,7 +157,5 @@ def _hand_mount_mm(layout: Layout) -> Array:
 
 def _share_root(body: ExpectedBody, index: int, end: int) -> None:
     """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
-    body.gain[index, end, :, 1:4] = ROOM * np.diag(average.HAND_MOUNT_SD_MM)
-    body.gain[index, end, :, 4:7] = (
-        ROOM * average.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[index, end])
-    )
+    body.gain[index, end, :, 1:4] = ROOM * np.diag(prior.HAND_MOUNT_SD_MM)
+    body.gain[index, end, :, 4:7] = ROOM * prior.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[index, end])

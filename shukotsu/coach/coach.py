@@ -1,7 +1,7 @@
-"""The coach itself: frames go in, in the recording's order; at every step of its time come lines of advice.
+"""The coach: it receives frames in the recording's order and returns lines of advice at every time step.
 
-It knows neither a clock nor a file, so the same frames give the same lines. What helps next is read from the
-fit's posterior: stated errors say which joint's movement, `gains` which measurement.
+It uses neither a clock nor a file, so the same frames give the same lines. The next advice follows from the
+fit's posterior: stated errors select the joint to move, `gains` the measurement to take.
 """
 
 from __future__ import annotations
@@ -38,14 +38,12 @@ MOST_FITTED = 60
 
 FINGERS = ("index", "middle", "ring", "little")
 FIRST = "free"
-"""The movement that is asked for before anything is estimated: it says most in least time."""
+"""The movement requested before any estimate: the most informative in the least time."""
 
 
 @dataclass(frozen=True)
 class Movement:
-    """One movement. range_deg : by joint, how far it bends where that is done; seconds : for doing it
-    twice.
-    """
+    """One movement. range_deg : by joint, the range it covers; seconds : duration of two repetitions."""
 
     name: str
     sentence: str
@@ -87,7 +85,7 @@ MOVEMENTS = {movement.name: movement for movement in _ALL}
 @dataclass(frozen=True)
 class CoachedHand:
     """Whose hand is calibrated, and what the study knows of it. whose : its cells in a sheet, empty without a
-    study. layout : of this hand. fitting : of the model. wanted_mm : the 1-sigma error that is asked.
+    study. layout : of this hand. fitting : of the model. wanted_mm : the requested 1-sigma error.
     """
 
     hand: str
@@ -113,12 +111,12 @@ class Estimate:
 
     @property
     def open_joints(self) -> list[str]:
-        """Joints that are not believed yet."""
+        """Joints whose verdict is not "believe" yet."""
         return [name for name, row in self.rows.items() if row["verdict"] != BELIEVE]
 
 
 def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
-    """Fit the hand to all frames. Raises InputError where these are too few, or show no hand."""
+    """Fit the hand to all frames. Raises InputError where these are too few or not those of a hand."""
     if len(poses.frame) < LEAST_FRAMES:
         raise InputError(f"{len(poses.frame)} frames are too few for an estimate; expected {LEAST_FRAMES}")
     try:
@@ -146,22 +144,23 @@ STEP_S = 1.5
 CHECKED_S = 4.0
 """The newest frames that are checked together as a recording is, and how often."""
 LOOSE_S = 15.0
-"""How often receivers that came loose are looked for, which takes as long as an estimate."""
+"""Interval of the search for loose receivers, which takes as long as an estimate."""
 LISTEN_S, PATIENCE = 1.0, 1.3
-"""Seconds to read a request; so many times as long as a movement takes is waited until it counts as tried."""
+"""Seconds to read a request, and the multiple of a movement's duration after which it counts as tried."""
 WORTH, MOST_VAIN = 0.1, 2
-"""A movement that lowers a joint's error by no more than this share was in vain for it; after so many no
-movement is asked for its sake."""
+"""A movement that lowers a joint's error by no more than this share had no effect on it; after this many
+without effect no further movement is requested for the joint."""
 AGAIN = 1.1
-"""After it was enough, a joint's error must be so many times what is wanted for more to be asked for."""
+"""Once the calibration was sufficient, a joint's error must exceed the requested one by this factor before
+more is requested."""
 LATE_S = 2.0
-"""Frames that wait are so much later where an estimate is left out, of a machine that is slow."""
+"""On a slow machine an estimate is skipped when the waiting frames are this much later."""
 CHECKING, CALIBRATING, ENOUGH, ENDED = "checking", "calibrating", "enough", "ended"
 
 
 @dataclass
 class Request:
-    """What was asked for last, when, and the joints' errors then."""
+    """The last request, its time, and the joints' errors then."""
 
     movement: Movement
     began_s: float
@@ -170,8 +169,8 @@ class Request:
 
 @dataclass
 class Coach:
-    """One hand's calibration. restarts : how often something was put right in it; advice : what to do now, a
-    sentence; log : every line with its time.
+    """One hand's calibration. restarts : how often a fault was corrected during it; advice : the current
+    instruction; log : every line with its time.
     """
 
     hand: CoachedHand
@@ -196,8 +195,8 @@ class Coach:
     _loose_s: float = LOOSE_S
 
     def take(self, poses: Poses, *, may_leave_out: bool = False) -> list[str]:
-        """Take frames that came; return the new lines. may_leave_out : make no estimate for a step that many
-        later frames wait behind.
+        """Add frames; return the new lines. may_leave_out : make no estimate for a step that many later
+        frames wait behind.
         """
         logged = len(self.log)
         while len(poses.frame):
@@ -212,7 +211,7 @@ class Coach:
         return self._lines(logged)
 
     def end(self) -> list[str]:
-        """Estimate once more, from all frames; return what the calibration came to, a line each."""
+        """Estimate once more, from all frames; return the result of the calibration as lines."""
         logged = len(self.log)
         if self.phase == CHECKING and self.newest is not None:
             self._check()
@@ -222,7 +221,7 @@ class Coach:
         return self._lines(logged) + joint_lines(self.estimate)
 
     def summary(self) -> str:
-        """Format what the calibration came to, and what would help more."""
+        """Summarise the calibration and what would improve it."""
         if self.findings:
             return f"Not calibrated: {self.findings[0]}"
         if self.estimate is None:
@@ -237,7 +236,7 @@ class Coach:
         return " ".join([f"{text}.", *(f"What would help: {line}" for line in self.gains()[:1])])
 
     def gains(self) -> list[str]:
-        """Return what measuring would bring, the best first, as the report says it."""
+        """Return the gains of further measurements, the best first, in the report's words."""
         return [] if self.estimate is None else gain_lines(gains(self.estimate.tips))
 
     def _add(self, poses: Poses) -> None:
@@ -273,7 +272,7 @@ class Coach:
                     self._say(self.loose[segment])
 
     def _check(self) -> None:
-        """Check the newest frames as a recording is checked; a finding stops the asking."""
+        """Check the newest frames as a recording is checked; a finding suspends requests."""
         assert self.newest is not None
         poses, layout, before = self.newest, self.hand.layout, self._silent
         checked = check_recording(poses, layout, self.hand.hand, Declared(kind="device"))
@@ -320,7 +319,9 @@ class Coach:
             )
 
     def _advise(self, current: Estimate) -> None:
-        """See whether the request is done or tried; ask for what helps most, or say that it is enough."""
+        """Update the request: test whether it is done or was tried, then request the most useful movement or
+        declare the calibration sufficient.
+        """
         before = self.phase
         if before == ENOUGH:
             worst_mm = max((_sd_mm(current, joint) for joint in self._useful(current)), default=0.0)
@@ -348,11 +349,11 @@ class Coach:
             self._say(self.advice)
 
     def _useful(self, current: Estimate) -> list[str]:
-        """Return joints that are not good enough, and for which movements have not been in vain."""
+        """Return joints that are not good enough and that further movements may improve."""
         return [joint for joint in current.open_joints if self._vain[joint] < MOST_VAIN]
 
     def _is_over(self, request: Request, current: Estimate) -> bool:
-        """Whether a movement is done, as far as the joints that need it show, or was waited for in vain."""
+        """Whether a movement is done, judging by the joints that need it, or has timed out."""
         movement, elapsed_s = request.movement, self.time_s - request.began_s
         needed = movement.range_deg.keys() & set(current.open_joints)
         shown = all(current.rows[joint]["range_deg"] >= movement.range_deg[joint] for joint in needed)

@@ -1,7 +1,7 @@
-"""Make poses of an archive that grows: decoded piece by piece, each frame once it is whole.
+"""Poses of a growing archive, decoded piece by piece, each frame once it is complete.
 
-Its pieces are those of one that was recorded, or of the recorder as a process of its own, which keeps every
-byte whatever becomes of the coach.
+The pieces come from a recorded archive or from a recorder process, which stores every byte independently of
+the coach.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from shukotsu.tracker.stream import PieceReader, Tally
 from shukotsu.tracker.survey import SOURCE_FAILURES
 
 MOST_FRAMES = 6000
-"""Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at
-1500."""
+"""Frames kept of a recording; of a longer one every second, then every fourth frame. The selection of frames
+to fit considers 1500."""
 LATE_FRAMES = 2
-"""A frame is whole once one that is so much later has begun."""
+"""A frame is complete once one this much later has begun."""
 _RECORD = np.dtype([("frame", "i8"), ("segment", "i8"), ("numbers", "f8", 7)])
 """A record that waits for the rest of its frame; segment : in the layout."""
 
@@ -122,7 +122,7 @@ class LivePoses:
 
 
 MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
-"""No hand goes so far between two frames, and lands so near to the mirror image of where it was."""
+"""A jump between two frames larger than this, and ending closer than this to the mirror image, is a flip."""
 
 
 class EvenFrames:

@@ -19,7 +19,7 @@ from shukotsu.report.palette import css
 from shukotsu.tables.whole_files import write_text
 
 EVERY_S = 1.0
-"""How often it is written, and loads itself again."""
+"""Interval at which it is written and reloads."""
 MOST_LINES = 8
 """Lines of the log, the newest."""
 _TEMPLATE = jinja2.Environment(

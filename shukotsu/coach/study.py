@@ -109,9 +109,10 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     end = parts[1] if len(parts) > 1 else "\n"
     line = "\t".join(cells.get(name, "") for name in [*header, *new])
     text = "".join(parts)
-    text += end * (not text.endswith(("\n", "\r"))) + line + end
+    text += "" if text.endswith(("\n", "\r")) else end
+    text += line + end
     sheet_rows(sheet, re.sub("\r\n?", "\n", text), RECORDINGS, header)
     with replacing(sheet) as temporary:
-        temporary.write_bytes(_BOM * data.startswith(_BOM) + text.encode())
+        temporary.write_bytes((_BOM if data.startswith(_BOM) else b"") + text.encode())
         temporary.chmod(sheet.stat().st_mode)
     return Path(study.parent / config["recordings"])

@@ -136,7 +136,8 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
             sheet = enter_recording(arguments.study, hand.whose, archive, exclude)
         except InputError as error:
             raise InputError(f"{archive} is recorded, but no row of the study: {error}") from error
-        print(f"{archive}: entered in {sheet}" + f" as excluded: {exclude}" * bool(exclude))
+        how = f" as excluded: {exclude}" if exclude else ""
+        print(f"{archive}: entered in {sheet}{how}")
     else:
         print(f"{archive}: {coached.frames} frames")
     if code:

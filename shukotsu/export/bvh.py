@@ -1,17 +1,16 @@
 """Biovision hierarchy: a person's bones and their rotations, for animation programs; facts as text beside it.
 
 The HIERARCHY is the skeleton at rest, its root's bone frame along the world's axes: fingers straight towards
--Z, the back of the hand up (+Y). A joint's rotations turn its bone from there: none are the rest pose.
-Channels are Zrotation, Yrotation, Xrotation, so R = Rz Ry Rx: flexion of a finger is about X, which may go
-beyond 90 deg, deviation about Y, which stands in the middle and may not. Angles are continuous over time
-and may leave (-180, 180].
+-Z, the back of the hand up (+Y). A joint's rotations start from this pose. Channels are Zrotation, Yrotation,
+Xrotation, so R = Rz Ry Rx: flexion of a finger is about X, which may go beyond 90 deg, deviation about Y,
+which stands in the middle and may not. Angles are continuous over time and may leave (-180, 180].
 
 A joint that stays at its OFFSET has these three channels. One that moves against the bone before is two:
 NAME_rest, which has the OFFSET and never turns, and in it NAME with positions, rotations and an OFFSET of
-zero. For programs do not agree on positions beside an OFFSET: Blender and bvhsdk put them in its place,
-three.js adds the two. `--bones stiff` gives a file with rotations alone. The last tip of a digit is an End
-Site, or where it moves a joint with an End Site of no length: after index_tip, the end of the bone, an End
-Site is where the skin ends. The root's OFFSET is zero.
+zero. Programs disagree on positions in addition to an OFFSET: Blender and bvhsdk replace it, three.js adds
+the two. `--bones stiff` gives a file with rotations alone. The last tip of a digit is an End Site, or where
+it moves a joint with an End Site of no length: after index_tip, the end of the bone, an End Site is where the
+skin ends. The root's OFFSET is zero.
 """
 
 from __future__ import annotations
@@ -42,10 +41,10 @@ ANGLE_DECIMALS = 7
 LENGTH_DECIMALS = 7
 CM_PER_MM = 0.1
 ALONE_S = 1 / 60
-"""Frame Time of a file of one frame, whose rate nobody knows."""
+"""Frame Time of a file of one frame, whose rate is unknown."""
 
 AT_REST = "_rest"
-"""Ends the name of the joint that has the OFFSET of one that moves."""
+"""End of the name of the joint that holds the OFFSET of a moving one."""
 
 _PLACES, _TURNS = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
 _TEXT_FRAMES = 1024
@@ -53,9 +52,9 @@ _NOTABLE_S = 5e-4
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write the motion, which has no gap, as one file, in cm with y up; return what it does not hold.
+    """Write a motion without gaps as one file, in cm with y up; return what the file does not hold.
 
-    Raises InputError where a pose is missing, where there is no frame, or no rate is known for more than one.
+    Raises InputError where a pose is missing, there is no frame, or several frames have no known rate.
     """
     require_whole(motion, path, "BVH")
     seconds = 1.0 / motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_S
@@ -66,7 +65,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     rest_mm, rest_turn = rest_pose(motion)
     offset_mm = rest_mm.copy()
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
-    # in frames that stand like the world's at rest: each bone's own, turned back by its rest rotation
+    # in frames parallel to the world's at rest: bone frames turned back by their rest rotations
     world = motion.quaternion.copy()
     for index, turn in enumerate(rest_turn):
         world[:, index] = multiply(world[:, index], conjugate(turn))
@@ -106,8 +105,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 def euler_zyx_deg(quaternion: Array) -> Array:
     """Angles (T, ..., 3) about z, y, x in degrees of rotations (T, ..., 4), R = Rz Ry Rx.
 
-    Continuous over time; the first frame has y within [-90, 90]. At 90, where z and x are not apart, x is
-    what z leaves of the rotation.
+    Continuous over time; the first frame has y within [-90, 90]. At 90 deg, where z and x are not separable,
+    x takes the remainder after z.
     """
     m = matrix(quaternion)
     z = np.arctan2(m[..., 1, 0], m[..., 0, 0])
@@ -120,7 +119,7 @@ def euler_zyx_deg(quaternion: Array) -> Array:
 
 
 def _is_end(motion: PosedRecording, index: int) -> bool:
-    """Return whether a joint is a digit's last tip, which may be an End Site."""
+    """Whether a joint is a digit's last tip, which may be an End Site."""
     return motion.joints[index].tip and index not in motion.parents
 
 

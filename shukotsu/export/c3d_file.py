@@ -1,9 +1,9 @@
 """C3D by ezc3d: joints and receivers as points, bones and receivers as poses, for motion-capture programs.
 
-Points are the joints, by their names, then four of each receiver: `<segment>_receiver`, its origin, and
-`_x`, `_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses: of bones, by the joint that they
-start at (WebXR bone frame to world), and of receivers, `<segment>_receiver`. A gap stays a gap: residual -1,
-reliability -1. Frames that the recording lost are there, without a point, so that the rate holds.
+Points are the joints, by their names, then four of each receiver: `<segment>_receiver`, its origin, and `_x`,
+`_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses: of bones, by the joint that they start
+at (WebXR bone frame to world), and of receivers, `<segment>_receiver`. Gaps are kept: residual -1,
+reliability -1. Lost frames are written without points, so that the rate is constant.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing
 
 ARM_MM = 20.0
-"""From a receiver's origin to the points on its axes."""
+"""Distance from a receiver's origin to the points on its axes."""
 
 LONGEST_LABEL = 127
-"""Characters; what a reader can count that takes the byte as signed."""
+"""Longest label, also for readers that take the length byte as signed."""
 
 ALONE_HZ = 60.0
-"""Rate of a file of one frame, whose rate nobody knows."""
+"""Rate of a file of one frame, for which none is known."""
 
 MOST_FRAMES = 65534
-"""What the header's 16 bits count, where one more means so many or more."""
+"""Largest count in the header's 16 bits; it stands for any larger one as well."""
 
 _MOST_POINTS = 255
-"""Labels that one parameter holds."""
+"""Most labels in one parameter."""
 _BLOCK, _LAST_START, _PARAMETER_BLOCKS = 512, 32767, 255
 """Bytes of a block; the last block that rotations can start at; blocks before the points, at most."""
 
@@ -182,7 +182,7 @@ def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
 
 
 def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
-    """Return whose motion it is, in lines."""
+    """Return a description of the motion, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
         *_escape(facts_text(motion, "mm", "z", dropped)).splitlines(),

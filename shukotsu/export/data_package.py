@@ -1,4 +1,4 @@
-"""Tables of a study as CSV, and what their columns mean: a Frictionless data package."""
+"""Tables of a study as CSV, with the meaning of their columns: a Frictionless data package."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TYPES = {
 
 
 def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
-    """Write tables as CSV, and the package that names them. Raises InputError where a file is no table."""
+    """Write tables as CSV and the package's description. Raises InputError where a file is no table."""
     folder = out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     resources = []
@@ -63,7 +63,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
             "type": next((kind for kind, is_kind in _TYPES.items() if is_kind(column.type)), "string"),
             "description": column.description,
             **({"unit": column.unit} if column.unit else {}),
-            # an empty text is a text here, and a missing one to the standard
+            # the standard takes an empty text as missing
             **(
                 {} if column.nullable or str(column.type) == "string" else {"constraints": {"required": True}}
             ),
@@ -81,7 +81,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
         "bytes": out.stat().st_size,
         "hash": f"sha256:{file_sha256(out)}",
         "schema": {
-            "fields": fields,  # with units, which the standard has no word for
+            "fields": fields,  # with units, for which the standard has no property
             "missingValues": [""],
             **({"primaryKey": list(table.key)} if table.key else {}),
         },

@@ -1,4 +1,4 @@
-"""Every chosen recording of subjects under every chosen model, written in every chosen format."""
+"""Export of every chosen recording under every chosen model in every chosen format."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ T = TypeVar("T")
 
 
 def export_plans(plans: Mapping[Path, SubjectPlan], arguments: argparse.Namespace) -> None:
-    """Write every format of every chosen recording and model, say on stderr what was done.
+    """Write every format of every chosen recording and model; report on stderr.
 
-    What cannot be written does not keep the rest from being written. Its InputError is raised at the end, or
-    with --record-failure written into STEM_FORMAT.failed.txt, or STEM.failed.txt where no format could be.
+    After a failure, the others are still written. The InputError is raised at the end or, with
+    --record-failure, written to STEM_FORMAT.failed.txt (STEM.failed.txt where it concerns all formats).
     """
     formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
     chosen = [
@@ -46,19 +46,19 @@ def export_plans(plans: Mapping[Path, SubjectPlan], arguments: argparse.Namespac
     for stem, message in failures if arguments.record_failure else ():
         print(f"error: {message}", file=sys.stderr)
         write_text(arguments.out / f"{stem}.failed.txt", f"{message}\n")
-    if arguments.record_failure:  # also of a subject that has nothing to export
+    if arguments.record_failure:  # also for a subject without anything to export
         arguments.out.mkdir(parents=True, exist_ok=True)
     elif failures:
         raise InputError("; ".join(dict.fromkeys(message for _, message in failures)))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why nothing could be exported into a text file, named as the folder of the first plan."""
+    """Write why nothing could be exported to a text file named after the folder of the first plan."""
     write_text(arguments.out / f"{_failure_name(arguments)}.failed.txt", f"{message}\n")
 
 
 def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
-    """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
+    """Write the files that describe a dataset; an existing dataset keeps its own when a subject is added."""
     path = arguments.out / FORMATS["bids"].shared
     if path.exists() and len(plans) == 1 and arguments.participants is None:
         return
@@ -99,12 +99,12 @@ def _export_recording(
 
 
 def _try(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
-    """Make it, or return None and why it cannot be: bad input or, with --record-failure, a bug."""
+    """Return the result, or None and why it failed: bad input or, with --record-failure, a bug."""
     try:
         with command_line.keep_failure(arguments, arguments.record_failure, only_bugs=True) as messages:
             return make(), ""
     except StorageError:
-        raise  # the disk's trouble, and not that of this recording
+        raise  # a system error, not a fault of this recording
     except InputError as error:
         return None, str(error)
     return None, messages[0]
@@ -118,14 +118,14 @@ def _failure_name(arguments: argparse.Namespace) -> str:
 def _forget_failures(folder: Path, *names: str) -> None:
     """Remove the notes on failures of an earlier run."""
     for name in names:
-        with suppress(PermissionError):  # then nothing can be written here either, and that is said
+        with suppress(PermissionError):  # writing will fail, too, with a message
             (folder / f"{name}.failed.txt").unlink(missing_ok=True)
 
 
 def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:
-    """Return models of a comma-separated list, all of the plan's where it is empty.
+    """Return the models of a comma-separated list, or all of the plan's where it is empty.
 
-    path : of the plan, for messages. Raises InputError where one is none.
+    path : of the plan, for messages. Raises InputError for an unknown model.
     """
     names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
     for name in names:
@@ -137,9 +137,8 @@ def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:
 def chosen_recordings(plan: SubjectPlan, path: Path, hand: str, name: str) -> list[Recording]:
     """Return the recordings to export.
 
-    hand : right or left, empty for both. name : the task, or TASK_TRIAL, which need not be evaluated, for its
-    tables say more; empty for every recording that tips are evaluated on. Raises InputError where there is
-    none, or several have the name.
+    hand : right or left, empty for both. name : the task, or TASK_TRIAL, of any recording; empty for all
+    evaluated ones. Raises InputError where none or several have the name.
     """
     if hand and hand not in plan.hands:
         raise InputError(

@@ -1,8 +1,8 @@
 """Frames without a pose, and an even rate made from uneven times.
 
 A gap is a run of frames in which a joint has no whole pose, or which the recording lost: their numbers are
-missing. Gaps are refused, held, cut away or interpolated, as the user says, and always told. What is filled
-is filled in the frame of the bone before, so that a held finger still goes with the hand; the root is filled
+missing. Gaps are refused, held, cut away or interpolated, as the user chooses, and always reported. Gaps are
+filled in the frame of the proximal bone, so that a held finger still moves with the hand; the root is filled
 in the transmitter's frame. Frames that are known keep their numbers to the bit. Between samples positions are
 linear, and rotations go by the shortest arc at constant angular velocity.
 """
@@ -19,15 +19,15 @@ from shukotsu.hand.posing import Bools, Index, PosedRecording, known_points
 from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
 
 FILLED_FRAMES = 100_000
-"""The most that are made where a recording has none: seven minutes at 240 Hz."""
+"""Largest number of frames that are filled in: seven minutes at 240 Hz."""
 
 _SAME_S = 1e-9
 _WIDEST_STEPS = 1.5
-"""Frames further apart than this many usual intervals have a gap between them."""
+"""Frames that are farther apart than this many usual intervals have a gap between them."""
 
 
 def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> PosedRecording:
-    """Return the motion at an even rate from its first time on: positions linear, rotations by slerp.
+    """Resample the motion at an even rate from its first time on: positions linearly, rotations by slerp.
 
     Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
     further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
@@ -75,9 +75,9 @@ def _count(time_s: Array, fps: float) -> int:
 
 
 def largest_time_error_s(motion: PosedRecording) -> float:
-    """Return the most that a device time is off an even rate that starts with the first; 0 without times.
+    """Return the largest deviation of device times from an even rate; 0 without times.
 
-    What a file loses that holds a rate and no times.
+    A file that stores a rate in place of times loses as much.
     """
     if len(motion.time_s) < 2 or not np.isfinite(motion.time_s).all():
         return 0.0
@@ -86,9 +86,9 @@ def largest_time_error_s(motion: PosedRecording) -> float:
 
 
 def bracket(at: Array, x: Array) -> tuple[Index, Index, Array]:
-    """Rows before and after each value of `at` in the growing x (n,), and how far it is between them, 0 to 1.
+    """Rows before and after each value of `at` in the increasing x (n,), and its place between them, 0 to 1.
 
-    Beyond either end both rows are that end's.
+    Beyond an end of x both rows are the one there.
     """
     after = np.clip(np.searchsorted(x, at, side="right"), 1, max(len(x) - 1, 1))
     before, after = after - 1, np.minimum(after, len(x) - 1)
@@ -128,10 +128,10 @@ _MOST_LISTED = 10
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames first to last, by their numbers, without a pose.
+    """Gap of the frames with numbers `first` to `last`.
 
-    joint : the first joint in it that has none, empty where the recording lost the frames themselves.
-    length_s : from the known frame before to the next, NaN where there are no times.
+    joint : the first joint without a pose in it, empty for lost frames. length_s : time from the last frame
+    before to the first after it, NaN without times.
     """
 
     first: int
@@ -146,12 +146,12 @@ class Gap:
 
 
 def close_gaps(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecording:
-    """Return the motion without gaps, by the policy; a note says what was done.
+    """Remove gaps by a policy; a note states what was done.
 
-    refuse : InputError that names the first gap. hold : the pose before goes on, at the start that after.
-    cut : only the longest stretch of frames without a gap stays. interpolate : positions linearly, rotations
-    by slerp over device time; InputError where a gap is longer than max_gap_s or open to one end.
-    Raises InputError as well where no frame is left, or a joint has no pose at all.
+    refuse : InputError that names the first gap. hold : repeat the pose before the gap, or at the start that
+    after it. cut : keep only the longest stretch without gaps. interpolate : positions linearly, rotations by
+    slerp over device time; InputError where a gap is longer than max_gap_s or open to one end. Raises
+    InputError as well where no frame is left, or a joint has no pose at all.
     """
     gaps = find_gaps(motion)
     if not len(motion.frame):
@@ -171,7 +171,7 @@ def close_gaps(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRe
             f"{motion.origin}: joint {motion.names[int(np.argmax(never))]} has no pose in any of these "
             "frames, so there is nothing to fill from; widen --frames"
         )
-    if _lost(motion).sum() > FILLED_FRAMES:  # one wrong frame number may ask for more than a disk holds
+    if _lost(motion).sum() > FILLED_FRAMES:  # one wrong frame number may demand more than a disk holds
         widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
         raise InputError(
             f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
@@ -209,7 +209,7 @@ def find_gaps(motion: PosedRecording) -> list[Gap]:
 
 
 def _lost(motion: PosedRecording) -> Index:
-    """Count frames that are missing after each but the last (T - 1,), by the usual step of their numbers."""
+    """Number of lost frames after each frame but the last, (T - 1,), by the usual step of frame numbers."""
     step = np.diff(motion.frame)
     if not len(step):
         return np.zeros(0, np.int64)
@@ -218,7 +218,7 @@ def _lost(motion: PosedRecording) -> Index:
 
 
 def with_lost_frames(motion: PosedRecording) -> PosedRecording:
-    """The motion with a frame without poses for every one that the recording lost, its time in proportion."""
+    """Insert a frame without poses for every lost one, at an interpolated time."""
     lost = _lost(motion)
     if not lost.any():
         return motion
@@ -262,7 +262,7 @@ def _cut(motion: PosedRecording) -> PosedRecording:
 
 
 def _fill_gaps(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
-    """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
+    """Fill every gap, parents before children, so that a child is filled in its parent's frame."""
     whole, times = motion.known, motion.time_s
     x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)
     position, turn = motion.position_mm.copy(), motion.quaternion.copy()

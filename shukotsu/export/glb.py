@@ -7,8 +7,8 @@ also the pose that the body is bound in. The animation turns every joint, and mo
 that leave their place in their parent; a key a frame, linear between (rotations: by slerp). Times are device
 times counted from the first frame.
 
-The body is a tapered solid along every bone, a ball at every joint, nails on a hand. Nothing of it is
-measured but the joints: the solids are as thick as reads well. A nail, on the back of a digit's end, tells
+The body is a tapered solid along every bone, a ball at every joint, nails on a hand. Only the joints are
+measured; the thickness of the solids is chosen for legibility. A nail, on the back of a digit's end, tells
 the back of a hand from its palm, and so a right hand from a left one.
 
 Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of where the motion has them.
@@ -37,9 +37,9 @@ from shukotsu.tables.whole_files import replacing
 
 _SIDES = 6
 _RINGS = ((0.2, 1.0), (0.92, 0.55))
-"""Where along a bone it is how wide, of its greatest radius; both ends are points."""
+"""Places along a bone, and its radius there relative to the largest; both ends are points."""
 _RADIUS = 0.2
-"""Radius of a bone by its length, and at most by the skeleton's usual length."""
+"""Radius of a bone relative to its length, and its limit relative to the skeleton's usual length."""
 _BALL = 0.19
 _NAIL = np.array([0.13, 0.03, 0.19])
 _SHORTEST_MM = 1.0
@@ -47,7 +47,7 @@ _SHORTEST_MM = 1.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles that ride rigidly on joints.
+    """Triangles fixed to joints.
 
     position_mm : (V, 3) at rest, in the root's bone frame. normal : (V, 3) unit. joint : (V,) index of the
     joint that a vertex rides on. bone, nail : (F, 3) vertices of the triangles of either, anticlockwise as
@@ -146,7 +146,7 @@ def _box(half_mm: Array) -> tuple[Array, Index]:
 
 
 def _flat(corners: Array, faces: Index) -> tuple[Array, Array, Index]:
-    """The same with three vertices of its own for every face, so that edges are seen as edges."""
+    """Give every face three vertices of its own, so that edges look sharp."""
     position = corners[faces]
     normal = unit(np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0]))
     triangle = np.arange(3 * len(faces), dtype=np.int64).reshape(-1, 3)
@@ -172,7 +172,7 @@ def _sphere() -> tuple[Array, Index]:
 
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-"""What a buffer view is for: attributes of vertices, and indices of them."""
+"""Targets of buffer views: attributes of vertices, and indices."""
 
 _COMPONENTS = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 LARGEST = 2**32 - 1
@@ -187,7 +187,7 @@ class Document:
         self._length = 0
 
     def add(self, kind: str, value: dict[str, Any]) -> int:
-        """Put an object at the end of the list of its kind (nodes, meshes, ...); return its index."""
+        """Append an object to the list of its kind (nodes, meshes, ...); return its index."""
         values = self.json.setdefault(kind, [])
         values.append(value)
         return len(values) - 1
@@ -246,7 +246,7 @@ _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write a motion, which has no gap and whose world has +Y up; return what the file does not hold.
+    """Write a motion without gaps in a world with +Y up; return what the file does not hold.
 
     Raises InputError where a pose is missing, there is no frame, or device time is missing or does not grow.
     """
@@ -277,7 +277,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     )
     body = {"name": f"{name}-body"}
     mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
-    # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
+    # beside the hand: parents do not move a skinned mesh, and some programs reject them
     document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
     document.add("animations", _animation(document, motion, name, first))
     document.write(path)
@@ -304,7 +304,7 @@ def _joint_nodes(motion: PosedRecording, first: int) -> list[dict[str, Any]]:
 
 
 def _primitives(document: Document, motion: PosedRecording) -> list[dict[str, Any]]:
-    """The body, where the nodes stand at rest: bones, and nails where there are any."""
+    """Primitives of the body at rest: bones, and nails where there are any."""
     mesh = bone_mesh(motion)
     count = len(mesh.joint)
     joint = np.zeros((count, 4), np.uint8 if len(motion.joints) <= 256 else np.uint16)

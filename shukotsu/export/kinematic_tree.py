@@ -46,7 +46,7 @@ from shukotsu.hand.rotations import (
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7
-"""A rotation below this is none: it moves the end of a 100 mm bone by 10 nm."""
+"""Rotations below this are treated as zero: they move the end of a 100 mm bone by 10 nm."""
 
 TISSUE_KG_M3 = 1100.0
 _SLENDER = 0.2
@@ -60,7 +60,7 @@ _ANGLES = ("flexion", "abduction", "rotation")
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One number a frame that a joint moves by: values (T,), rad for a turn, continuous, or mm."""
+    """Coordinate of a joint over time: values (T,), in rad and continuous for a rotation, or in mm."""
 
     name: str
     values: Array
@@ -142,7 +142,7 @@ class Body:
 
 
 def body_of(motion: PosedRecording, form: JointForm) -> Body:
-    """Return the body after a joint."""
+    """Return the body that a joint carries."""
     after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
     ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
     lengths = np.linalg.norm(ends_mm, axis=1)

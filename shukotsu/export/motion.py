@@ -1,4 +1,4 @@
-"""What every format is written from: one hand's skeleton and its motion over a recording, in WebXR frames.
+"""Input of every export format: one hand's skeleton and its motion over a recording, in WebXR frames.
 
 Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
 define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
@@ -77,16 +77,16 @@ DISTAL = np.array([0.0, 0.0, -1.0])
 """Along a bone, in its own frame."""
 
 SKIN_TIP, RECEIVER_TIP = "_skin_tip", "_receiver_tip"
-"""How the names of tips end that are not the end of a bone."""
+"""Ends of the names of tips that are not the end of a bone."""
 
 BLOCK_FRAMES = 4096
-"""Frames that a table is written of at a time."""
+"""Frames per block of a table."""
 
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
 
 MOST_FRAMES = 100_000
-"""Frames that are exported of a recording, seven minutes at 240 Hz: within 2 GB of memory."""
+"""Most frames of an export, seven minutes at 240 Hz: within 2 GB of memory."""
 
 Range = tuple[int | None, int | None]
 
@@ -94,11 +94,11 @@ Range = tuple[int | None, int | None]
 def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (None, None)) -> PosedRecording:
     """Read one hand's skeleton under one model and its motion in one recording.
 
-    licence : the terms of use, to go into every file. frames : the first and the last to read by their
-    recorded numbers; None: to that end. Of more than MOST_FRAMES one in so many is read. Digits whose joints
-    failed, or that have no pose in any frame, are left out. Notes say so. Raises InputError where a table is
-    absent or its making failed, where no frame is in the range, where no digit is left, or where the layout's
-    digits do not hang together.
+    licence : terms of use, stated in every file. frames : the first and the last to read by their recorded
+    numbers; None: to that end. Of more than MOST_FRAMES only every n-th is read. Digits whose joints failed,
+    or that have no pose in any frame, are left out. Notes say so. Raises InputError where a table is absent
+    or its making failed, where no frame is in the range, where no digit is left, or where the layout's digits
+    do not hang together.
     """
     poses, thinned = _poses(reader, frames)
     bones = reader.bones(poses)
@@ -116,7 +116,7 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         )
     bones, unseen = _seen_digits(bones)
     for joint, offset in zip(bones.joints, bones.rest_offset_mm, strict=True):
-        # of bones before a digit's first joint the motion tells the length
+        # the motion gives the length of bones before a digit's first joint
         if joint.parent > 0 and not np.isnan(offset).all() and not offset[0] > 0:
             raise InputError(
                 f"{where}: bone {bones.joints[joint.parent].segment} is {offset[0]} mm long in bone_lengths; "
@@ -154,7 +154,7 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
 
 
 def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
-    """Read receivers, of a long recording in that range and no more than MOST_FRAMES; and a note on these."""
+    """Read the receivers, at most MOST_FRAMES of the range; a note tells if frames were skipped."""
     every = -(-reader.n_frames // MOST_FRAMES)
     if every > 1 and frames != (None, None):
         poses = joined_poses([block.take(_inside(block.frame, frames)) for block in reader.pose_blocks()])
@@ -167,7 +167,7 @@ def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
 
 
 def _inside(frame: Index, frames: Range) -> Index:
-    """Return the rows of frames (T,) that are in the range."""
+    """Return the indices of the frames (T,) in the range."""
     first, last = frames
     low, high = -np.inf if first is None else first, np.inf if last is None else last
     return np.flatnonzero((frame >= low) & (frame <= high))
@@ -201,10 +201,11 @@ def in_webxr(bones: PosedRecording, layout: Layout) -> PosedRecording:
 
 
 def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]:
-    """Return the bones without the digits of which a joint has no pose in any frame, and the reasons.
+    """Remove digits in which a joint has no pose in any frame; return the remaining bones and the reasons.
 
-    What hangs from such a digit goes with it. An end of the skin that is known in no frame, as of digits
-    without known anatomy, goes alone. Bones beyond a digit's last receiver stay, without a pose.
+    Everything attached to such a digit is removed as well. If only the end of the skin is never known, as in
+    digits without known anatomy, only it is removed. Bones beyond a digit's last receiver stay, without a
+    pose.
     """
     seen = np.asarray(bones.known.any(0)) | beyond_receivers(bones)
     some = bool(len(bones.position_mm))
@@ -221,7 +222,7 @@ def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]
 
 
 def beyond_receivers(motion: PosedRecording) -> Bools:
-    """Return joints (B,) without a pose in any frame whose digits have poses before and none after them."""
+    """Joints (B,) that never have a pose, in digits with poses before and none after them."""
     seen: Bools = np.asarray(motion.known.any(0))
     beyond: Bools = ~seen & np.isfinite(motion.rest_offset_mm).all(-1)
     for digit in {joint.digit for joint in motion.joints}:
@@ -232,7 +233,7 @@ def beyond_receivers(motion: PosedRecording) -> Bools:
 
 
 def with_unmeasured_at_rest(motion: PosedRecording) -> PosedRecording:
-    """Return the motion with the bones beyond a digit's last receiver straight on; a note names them.
+    """Extend each digit straight beyond its last receiver; a note names these bones.
 
     For programs that need every bone of a finger in every frame.
     """
@@ -250,13 +251,13 @@ def with_unmeasured_at_rest(motion: PosedRecording) -> PosedRecording:
 
 
 def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRecording]:
-    """Yield the motion so many frames at a time, in order; none where there is no frame."""
+    """Yield the motion in blocks of `size` frames."""
     for start in range(0, len(motion.frame), size):
         yield motion.take(slice(start, start + size))
 
 
 def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
-    """Return the index of the joint whose bone a tip ends, and where on the bone it rests, (3,)."""
+    """Return the index of the joint whose bone carries a tip, and the tip's place (3,) on it at rest."""
     offset_mm, above = motion.rest_offset_mm[tip], motion.joints[tip].parent
     while motion.joints[above].tip:  # tips have the bone's own rotation
         offset_mm, above = offset_mm + motion.rest_offset_mm[above], motion.joints[above].parent
@@ -264,7 +265,7 @@ def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
 
 
 def with_receivers(motion: PosedRecording, kept: Bools) -> PosedRecording:
-    """Return the motion with some of the receivers (R,)."""
+    """Return the motion with only the selected receivers (R,)."""
     there = motion.receivers
     segments = tuple(np.array(there.segments, object)[kept])
     arrays = (there.position_mm[:, kept], there.quaternion[:, kept], there.valid[:, kept])
@@ -272,9 +273,9 @@ def with_receivers(motion: PosedRecording, kept: Bools) -> PosedRecording:
 
 
 def with_seen_receivers(motion: PosedRecording) -> tuple[PosedRecording, tuple[str, ...]]:
-    """Return the motion without receivers that have no pose in any frame, and a sentence where it had some.
+    """Remove receivers without a pose in any frame; a sentence tells if there were any.
 
-    A layout may name receivers that a recording was made without, a forearm's for one.
+    A layout may name receivers that were not worn, such as the forearm's.
     """
     seen = np.asarray(motion.receivers.valid.any(0))
     if seen.all():
@@ -307,11 +308,11 @@ def rest_pose(motion: PosedRecording) -> tuple[Array, Array]:
 
 
 def stiffen(motion: PosedRecording) -> PosedRecording:
-    """Return the motion with rotations only: joints at their rest offsets, the root where it is.
+    """Keep rotations only: joints at their rest offsets, the root unchanged.
 
-    For programs that know no stretching bones. Rotations stay; a note says how far a joint is moved at
-    most. Of a skeleton that is no fitted hand this is the replay with the least-squares binding, and its tips
-    are those of the tips table.
+    For programs without stretching bones. A note states the largest displacement of a joint. Of a skeleton
+    that is no fitted hand this is the replay with the least-squares binding, and its tips are those of the
+    tips table.
     """
     position = rigid_positions(motion)
     moved_mm = np.linalg.norm(position - motion.position_mm, axis=-1)
@@ -342,7 +343,7 @@ def continuous(quaternion: Array) -> Array:
 
 
 def nominal_rate_hz(frame: Index, time_s: Array) -> float:
-    """Return frames a second: the median over neighbours; NaN where there are none with times that grow."""
+    """Median frame rate, Hz; NaN without increasing times."""
     step = np.diff(frame)
     usual = step == (np.median(step) if len(step) else 0)
     interval = np.diff(without_packets(time_s)[0])[usual]
@@ -351,9 +352,9 @@ def nominal_rate_hz(frame: Index, time_s: Array) -> float:
 
 
 def require_whole(motion: PosedRecording, path: Path, name: str) -> None:
-    """Raise InputError where the motion has no frame, or one without a pose of every joint.
+    """Raise InputError where the motion has no frame, or a pose is missing.
 
-    name : of the format, in the sentence.
+    name : of the format, for the message.
     """
     if not len(motion.frame) or not motion.whole.all():
         raise InputError(
@@ -363,9 +364,9 @@ def require_whole(motion: PosedRecording, path: Path, name: str) -> None:
 
 
 def require_times(motion: PosedRecording, times: npt.NDArray[np.floating], path: Path, name: str) -> None:
-    """Raise InputError where the frames have no device time, or it does not grow.
+    """Raise InputError where device times are missing or do not increase.
 
-    times : (T,) as the format holds them, from the motion's device time.
+    times : (T,) as the format stores them.
     """
     if len(times) < 2:
         return
@@ -384,7 +385,7 @@ def require_times(motion: PosedRecording, times: npt.NDArray[np.floating], path:
 def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str) -> str:
     """Return the name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
 
-    Names of any script stay; what a file name cannot hold becomes %XX (`path_token`).
+    Letters of any script stay; characters that file names cannot hold become %XX (`path_token`).
     """
     parts = {"hand": hand, "task": task, "trial": trial, "model": model}
     named = [f"{key}-{path_token(value)}" for key, value in parts.items() if value]
@@ -420,7 +421,7 @@ def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = (
 
 
 def facts_text(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = ()) -> str:
-    """Return the same as lines of text, for formats that hold none themselves."""
+    """Return the facts as lines of text, for formats that have no place for them."""
     lines = []
     for key, value in facts(motion, unit, up, dropped).items():
         if isinstance(value, list):

@@ -35,13 +35,13 @@ DESCRIPTION, PARTICIPANTS = "dataset_description.json", "participants.tsv"
 BEFORE_DESCRIPTION = ("README", PARTICIPANTS, "participants.json")
 """Files of a dataset that are written before its description."""
 EXTRA_KEY = "Shukotsu"
-"""Key of motion.json under which stands what BIDS has no key for."""
+"""Key of motion.json for facts that BIDS has no key for."""
 TYPES = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
 ALONE_HZ = 60.0
-"""SamplingFrequency of a single frame, whose rate nobody knows: the validator takes no n/a there."""
+"""SamplingFrequency of a single frame, for which none is known: the validator rejects n/a."""
 UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber", "InstitutionName",
            "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription")  # fmt: skip
-"""Keys of motion.json that BIDS recommends and no table holds."""
+"""Keys of motion.json that BIDS recommends but no table has."""
 
 README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
 
@@ -178,7 +178,9 @@ def _write_system(
 
 
 def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
-    """Return SamplingFrequency and what times (T,), NaN where unknown, add; one frame may have no rate."""
+    """Return SamplingFrequency and what follows from the times (T,), NaN where unknown; one frame may have no
+    rate.
+    """
     if not np.isfinite(rate_hz):
         return {"SamplingFrequency": ALONE_HZ}
     rate_hz, timed = round(rate_hz, 6), time_s[np.isfinite(time_s)]

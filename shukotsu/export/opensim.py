@@ -52,11 +52,11 @@ POINTS = ("o", "x", "y", "z")
 
 @dataclass(frozen=True)
 class Triad:
-    """A receiver and the body that carries it.
+    """Markers of a receiver, and the body that carries it.
 
     form : index of the body's form. markers : names of its points. local_mm : (4, 3) in the bone's frame.
-    receiver : its place among the motion's. spread_mm : RMS distance of the points from where the bone would
-    have them.
+    receiver : its place among the motion's. spread_mm : RMS distance of the points from their places on the
+    bone.
     """
 
     segment: str
@@ -67,7 +67,7 @@ class Triad:
     spread_mm: float
 
     def measured_mm(self, receivers: Poses) -> Array:
-        """Return the points in the ground, (n, 12), in the receivers' frames; NaN where it is not valid."""
+        """Return the measured points in the ground frame, (n, 12); NaN where the receiver is not valid."""
         origin, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
         return (origin[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
 
@@ -278,7 +278,7 @@ def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> No
 
 
 ALONE_HZ = 60.0
-"""Rate in the header of a file of one frame, whose rate nobody knows."""
+"""Rate in the header of a file of one frame, for which none is known."""
 
 _ANGLE_DECIMALS = 9
 _METRE_DECIMALS = 12
@@ -399,7 +399,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 
 def _undetermined_coordinates(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dict[str, float]:
-    """Return coordinates that markers do not tell, and where inverse kinematics holds them, rad or mm.
+    """Return coordinates that markers do not determine, and the values at which they are locked, rad or mm.
 
     A joint's own translations, at zero. On a bone without a receiver, what goes beyond its degree of freedom,
     or its axial rotation: with the finger straight that is the next joint's as well. At their means.

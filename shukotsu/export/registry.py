@@ -1,4 +1,4 @@
-"""The formats that an export can be written in: one table, an entry each, and how one is written.
+"""Registry of the export formats, and how to write one.
 
 The module of a format has `write(motion, path)`, which gets the motion ready (by `prepare`: gaps,
 rate, rig, world upright) and the path of its main file; files beside it have the same stem. It returns
@@ -26,7 +26,7 @@ DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """The words of the command line.
+    """Settings from the command line.
 
     transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `export.gaps`.
     rig : empty for the layout's names. stiff : bones kept at their length, rotations only. fps : None as
@@ -42,7 +42,7 @@ class ExportSettings:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say what to export, and how; `settings_of` reads those of the motion."""
+    """Add the options of an export; `settings_of` reads those that concern the motion."""
     where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
     parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
     add = parser.add_argument
@@ -57,7 +57,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_motion_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say how a motion is made ready; `settings_of` reads them."""
+    """Add the options of how a motion is prepared; `settings_of` reads them."""
     add = parser.add_argument
     add("--licence", default="", help="the terms of use, to go into every file")
     add("--fps", type=_positive, help="frames a second to resample to (default: as recorded)")
@@ -101,7 +101,7 @@ def _frames(text: str) -> tuple[int | None, int | None]:
 
 
 def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: bool, up: str) -> PosedRecording:
-    """Return the motion as a format is to write it: gaps, rate, rig and upright world.
+    """Prepare the motion for a format: gaps, rate, rig and upright world.
 
     holds_gaps : whether the format has a place for a frame without a pose; then `refuse` keeps gaps (NaN).
     up : y or z, the axis of the file that points up, empty for the transmitter's own frame. Still in mm.
@@ -141,10 +141,10 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
 
 
 def upright(transmitter_up: str, up: str) -> Array:
-    """Return the shortest rotation (4,) that takes one axis, of the transmitter's, to another.
+    """Return the shortest rotation (4,) from the transmitter's upward axis to the file's.
 
     transmitter_up : the transmitter's axis that points up. up : the axis of the file that does. Half a turn
-    is about x: of -z to z, or -y to y. It mirrors nothing, so that left stays left.
+    is about x. Nothing is mirrored: left remains left.
     """
     import numpy as np
 
@@ -160,7 +160,7 @@ def upright(transmitter_up: str, up: str) -> Array:
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """A format, as the command line and the other formats' neighbours need to know it.
+    """An export format.
 
     module : which writes it, by its whole name, for the workflow to know that it belongs to the stage.
     extensions : of all its files, the main one first. up : the axis that points up in it; none: it is in the
@@ -180,7 +180,7 @@ class ExportFormat:
 
     @property
     def writers(self) -> Any:
-        """The module with `write`, imported when it is needed: a start should not wait for all formats."""
+        """Return the module with `write`, imported only when it is needed."""
         return import_module(self.module)
 
 
@@ -195,7 +195,7 @@ DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n
 
 
 def chosen_formats(names_list: str) -> list[str]:
-    """Return names from a comma-separated list; InputError where one is no format, or is there twice."""
+    """Return the formats of a comma-separated list; InputError where one is unknown or repeated."""
     from shukotsu.errors import InputError
 
     names = [name.strip() for name in names_list.split(",") if name.strip()]
@@ -211,9 +211,10 @@ def chosen_formats(names_list: str) -> list[str]:
 
 
 def write_format(motion: PosedRecording, settings: ExportSettings, name: str, path: Path) -> tuple[str, ...]:
-    """Write a motion as it was read into a file of one of FORMATS.
+    """Prepare a motion and write it in one of FORMATS.
 
-    Returns what was done to it and what the file lacks. Raises InputError as getting ready and writing do.
+    Returns notes on what was done to it and what the file lacks. Raises InputError as `prepare` and the
+    format do.
     """
     import numpy as np
 

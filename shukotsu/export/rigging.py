@@ -1,4 +1,4 @@
-"""A hand on another rig: its names, without the bones that the rig lacks.
+"""Adaptation of a hand to another rig: its names, without the bones that the rig lacks.
 
 WebXR Hand Input has 25 names. VRM 1.0, Unity's HumanBodyBones and Mixamo have no metacarpals for the fingers;
 Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips, they are called after the last bone, with
@@ -67,7 +67,7 @@ RIGS: Mapping[str, Rig] = {
 def ascii_name(name: str) -> str:
     """The name in letters, digits and `_ - : .` of ASCII only, for formats that know no quotes.
 
-    Any other character becomes its code, so that two names never become one in practice.
+    Any other character becomes its code, so that different names in practice stay different.
     """
     return "".join(c if c.isascii() and (c.isalnum() or c in "_-:.") else f"_u{ord(c):04x}" for c in name)
 
@@ -124,14 +124,14 @@ def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
 
 
 def with_webxr_names(motion: PosedRecording) -> PosedRecording:
-    """The same, but a hand that has the layout's names gets those of WebXR."""
+    """Give a hand with the layout's names those of WebXR; leave other names."""
     names = RIGS["webxr"].names(motion.hand)
     layouts = all(_is_named(joint, names) for joint in motion.joints[1:])
     return on_rig(motion, "webxr") if layouts else motion
 
 
 def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
-    """The motion without those joints; their children hang from what they hung from.
+    """Remove joints; their children are attached to the removed joints' parents.
 
     Exact: every other joint keeps its position and rotation in every frame, so that what the bone did is in
     the motion of its children against the bone before. Of these the axis (NaN) and the degrees of freedom (0)
@@ -162,7 +162,7 @@ def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecord
 
 
 def _hung(motion: PosedRecording, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:
-    """A joint's nearest parent that stays, and in its frame the offset, rest and neutral rotation.
+    """A joint's nearest remaining ancestor, and in its frame the offset, rest and neutral rotation.
 
     A bone between them that has no neutral rotation counts as it stands at rest.
     """

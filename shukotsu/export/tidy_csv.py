@@ -1,4 +1,4 @@
-"""Tidy CSV: a row for every frame and joint, one for its angles, and what the columns mean as JSON beside.
+"""Tidy CSV: a table of poses and one of angles, a row per frame and joint, with a description in JSON.
 
 Empty cells are gaps. Positions are mm in the transmitter's frame, to a nanometre; quaternions (w, x, y, z),
 bone frame to transmitter frame, to 9 decimals.
@@ -37,7 +37,7 @@ _MEANING = {
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; return what they do not hold.
+    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; return what the files do not hold.
 
     Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
     joints of which no anatomy is known there are none, and without any there is no such file.

@@ -32,8 +32,7 @@ from shukotsu.fit.chain_builder import (
 from shukotsu.fit.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
 from shukotsu.fit.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
 from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
-from shukotsu.hand import average_hand as prior
-from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
+from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, DigitAnatomy, prior
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Digit, Layout
@@ -247,7 +246,7 @@ class _DigitChain:
 
     def _kind(self, k: int) -> str:
         """Kind of bone k, as anatomy calls it, whatever the layout calls its segment."""
-        return prior.BONE_KINDS[k] if k < len(self.digit.segments) - 1 else prior.BONE_KINDS[-1]
+        return BONE_KINDS[k] if k < len(self.digit.segments) - 1 else BONE_KINDS[-1]
 
     def _length(self, k: int) -> Amount:
         """Length of bone k: the average one to the hand's scale, its own part and the source's."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.fit.operations import Mark, Operation, Step, Term
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Layout
 

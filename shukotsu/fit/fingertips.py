@@ -21,7 +21,7 @@ from shukotsu.errors import InputError
 from shukotsu.fit.chain_builder import bone, receiver
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.posterior import Evidence, places_of
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, rotate
 from shukotsu.study.layout import Digit
@@ -165,13 +165,13 @@ def _average_offsets_mm(fit: HandFit) -> Array:
     average = {
         segment: float(length)
         for digit in known_digits(fit.evidence.layout)
-        for segment, length in zip(digit.segments, prior.DIGITS[digit.name].lengths_mm, strict=True)
+        for segment, length in zip(digit.segments, DIGITS[digit.name].lengths_mm, strict=True)
     }
     size = sum(fit.bones[segment].length_mm for segment in average) / max(sum(average.values()), 1.0)
     digits = tipped_digits(fit.evidence)
     offsets = np.zeros((len(digits), len(SOFT_PARTS), 3))
     for i, digit in enumerate(digits):
-        offsets[i, 0, 0] = prior.DIGITS[digit.name].soft_tip_mm
+        offsets[i, 0, 0] = DIGITS[digit.name].soft_tip_mm
         offsets[i, 1, 0] = -PAD_SHARE * average[digit.tip]
         offsets[i, 1, 2] = -PAD_DEPTH_MM.get(digit.name, OTHER_PAD_DEPTH_MM)
     return offsets * size

@@ -34,8 +34,7 @@ from shukotsu.fit.normal_equations import (
 from shukotsu.fit.posterior import Evidence, Posterior
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.fit.receiver_frames import Convention, concatenate_poses, neighbours, postures, spread_frames
-from shukotsu.hand import average_hand as prior
-from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
+from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, DigitAnatomy, prior
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -231,7 +230,7 @@ def fit_hand(
     frames, share = _choose_frames(everything, layout, convention.receivers, settings.n_frames)
     scale = (1.0, prior.SCALE_SD)
     if hand_length_mm is not None:
-        scale = hand_length_mm / prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH
+        scale = hand_length_mm / AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH
     model = _model(layout, convention, everything, frames, scale)
     field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).plus(planes(model, layout, convention, frames))

@@ -28,7 +28,7 @@ from shukotsu.fit.operations import Branch, Index
 from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.fit.touches import SKIN_SD_MM
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross, matrix, multiply

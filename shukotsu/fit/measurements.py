@@ -16,7 +16,7 @@ from shukotsu.fit.chain import HandModel
 from shukotsu.fit.chain_builder import Amount
 from shukotsu.fit.normal_equations import Frames, Observations
 from shukotsu.fit.receiver_frames import Convention
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Joint, Layout

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.operations import Branch, Index, Reached
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.rotations import Array, exp_rotation
 
 _FAR, _TIMES_WITHOUT_FAR = 2.5, 4

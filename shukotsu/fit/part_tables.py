@@ -85,15 +85,13 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     return list(recorded.values())
 
 
-def write_part(
-    plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
-) -> None:
+def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> None:
     """Fit one skeleton and write its rows of every table."""
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
     if alone:
         print(f"note: {alone}", file=sys.stderr)
-    tips, unsteady = calibrated_hand(plan, part, other_poses or partner)
+    tips, unsteady = calibrated_hand(plan, part, partner)
     weighed = not plan.models[part.model].is_reference
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))

@@ -12,7 +12,7 @@ import numpy as np
 
 from shukotsu.fit.chain_builder import KINDS, axis_frame, bone, receiver, straight
 from shukotsu.fit.posterior import Evidence, Place, centre_by_unknowns, places_of
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import COMPOUND_DIGITS, prior
 from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix
@@ -140,7 +140,7 @@ def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
         if joint in digit.joints:
             if evidence.layout.joints[joint].dof == 1 and joint != digit.joints[0]:
                 return prior.UNMODELLED_MM["hinge"] ** 2
-            compound = joint == digit.joints[0] or digit.name in prior.COMPOUND_DIGITS
+            compound = joint == digit.joints[0] or digit.name in COMPOUND_DIGITS
             return prior.UNMODELLED_MM["compound" if compound else "mcp"] ** 2
     return 0.0
 

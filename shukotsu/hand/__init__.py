@@ -1,1 +1,1 @@
-"""The average hand, once: estimators and simulator read it."""
+"""Anatomy, rotations, joint angles, and the one reader of posed bones."""

@@ -1,7 +1,7 @@
 """The average adult hand as the estimators expect it: how hands differ, where receivers sit, how skin moves.
 
-What estimators weigh recordings against. The simulator reads none of it, and has its hands from elsewhere;
-who reads what: tests/hand. The numbers, their sources and the frame of the hand stand in `average_hand.yaml`.
+Estimators regularise towards these values. The simulator uses none of them (tests/hand). The numbers, their
+sources and the frame of the hand stand in `average_hand.yaml`.
 """
 
 from __future__ import annotations
@@ -14,88 +14,183 @@ from typing import Any
 import numpy as np
 
 from shukotsu.hand.rotations import Array, unit
-from shukotsu.study.config_files import read_constants
+from shukotsu.study.config_files import constants, read_constants
 
 Vector = tuple[float, float, float]
 
 BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
+COMPOUND_DIGITS = ("ring", "little")
+"""Digits whose MCP joints turn about more than is fitted, as the palm folds."""
 
 _NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
 
-MOUNT_SHARE: float = _NUMBERS["MOUNT_SHARE"]
-NAIL_SHARE: float = _NUMBERS["NAIL_SHARE"]
-NAIL_SLOPE_DEG: float = _NUMBERS["NAIL_SLOPE_DEG"]
-COVER_MM: float = _NUMBERS["COVER_MM"]
-CAPITATE_TO_CREASE_MM: float = _NUMBERS["CAPITATE_TO_CREASE_MM"]
-SOURCE_SCALE: float = _NUMBERS["SOURCE_SCALE"]
-AVERAGE_BREADTH_MM: float = _NUMBERS["AVERAGE_BREADTH_MM"]
-SKEW_MM: float = _NUMBERS["SKEW_MM"]
-SKEW_DEG: float = _NUMBERS["SKEW_DEG"]
-PRO_SUPINATION: float = _NUMBERS["PRO_SUPINATION"]
-SCALE_SD: float = _NUMBERS["SCALE_SD"]
-SCALE_SD_BY_LENGTH: float = _NUMBERS["SCALE_SD_BY_LENGTH"]
-BREADTH_SD_MM: float = _NUMBERS["BREADTH_SD_MM"]
-LENGTH_SD_MM: Mapping[str, float] = _NUMBERS["LENGTH_SD_MM"]
-SOURCE_SD_MM: Mapping[str, float] = _NUMBERS["SOURCE_SD_MM"]
-THUMB_METACARPAL_SD_MM: float = _NUMBERS["THUMB_METACARPAL_SD_MM"]
-BASE_SD_MM: float = _NUMBERS["BASE_SD_MM"]
-THUMB_BASE_SD_MM: float = _NUMBERS["THUMB_BASE_SD_MM"]
-PALM_BREADTH_SD: float = _NUMBERS["PALM_BREADTH_SD"]
-DIRECTION_SD_RAD = float(np.radians(_NUMBERS["DIRECTION_SD_DEG"]))
-ROLL_SD_RAD = float(np.radians(_NUMBERS["ROLL_SD_DEG"]))
-THUMB_ROLL_SD_RAD = float(np.radians(_NUMBERS["THUMB_ROLL_SD_DEG"]))
-AXIS_SD_RAD = float(np.radians(_NUMBERS["AXIS_SD_DEG"]))
-SKEW_SD_MM: float = _NUMBERS["SKEW_SD_MM"]
-SKEW_AXIS_SD_RAD = float(np.radians(_NUMBERS["SKEW_AXIS_SD_DEG"]))
-PRO_SUPINATION_SD: float = _NUMBERS["PRO_SUPINATION_SD"]
-LEAN_SD_RAD = float(np.radians(_NUMBERS["LEAN_SD_DEG"]))
-JOINT_SLIDE_SD_MM: float = _NUMBERS["JOINT_SLIDE_SD_MM"]
-HINGE_SLIDE_SD_MM: float = _NUMBERS["HINGE_SLIDE_SD_MM"]
-MOUNT_SD_MM: Vector = _NUMBERS["MOUNT_SD_MM"]
-ROUND_SD_RAD = float(np.radians(_NUMBERS["ROUND_SD_DEG"]))
-COVER_SD_MM: float = _NUMBERS["COVER_SD_MM"]
-HEIGHT_SD_MM: float = _NUMBERS["HEIGHT_SD_MM"]
-HOUSING_MM: float = _NUMBERS["HOUSING_MM"]
-SKIN_COVER_SD_MM: float = _NUMBERS["SKIN_COVER_SD_MM"]
-HABIT_SHARE: float = _NUMBERS["HABIT_SHARE"]
-MOUNT_TURN_SD_RAD = float(np.radians(_NUMBERS["MOUNT_TURN_DEG"] / np.sqrt(3.0)))
-FACING_SD_RAD = float(np.radians(_NUMBERS["FACING_SD_DEG"]))
-HAND_MOUNT_SD_MM: Vector = _NUMBERS["HAND_MOUNT_SD_MM"]
-SLIDE_SD_MM: Vector = _NUMBERS["SLIDE_SD_MM"]
-JOINTWISE_SLIDE_SD_MM: Vector = _NUMBERS["JOINTWISE_SLIDE_SD_MM"]
-TILT_SD: Vector = _NUMBERS["TILT_SD"]
-JOINTWISE_TILT_SD: float = _NUMBERS["JOINTWISE_TILT_SD"]
-DISTAL_TILT: float = _NUMBERS["DISTAL_TILT"]
-DISTAL_TILT_SD: float = _NUMBERS["DISTAL_TILT_SD"]
-PLACE_LAG: float = _NUMBERS["PLACE_LAG"]
-PLACE_LAG_SD: float = _NUMBERS["PLACE_LAG_SD"]
-TURN_LAG: float = _NUMBERS["TURN_LAG"]
-TURN_LAG_SD: float = _NUMBERS["TURN_LAG_SD"]
-RELAXED_RAD = float(np.radians(_NUMBERS["RELAXED_DEG"]))
-JOINTWISE_NAIL: float = _NUMBERS["JOINTWISE_NAIL"]
-JOINTWISE_THENAR: float = _NUMBERS["JOINTWISE_THENAR"]
-PALM_SLIDE_SD_MM: float = _NUMBERS["PALM_SLIDE_SD_MM"]
-PALM_TILT_SD: float = _NUMBERS["PALM_TILT_SD"]
-UNKNOWN_SLIDE_SD_MM: float = _NUMBERS["UNKNOWN_SLIDE_SD_MM"]
-SKIN_BENT: float = _NUMBERS["SKIN_BENT"]
-FIELD_TURN_SD_RAD = float(np.radians(_NUMBERS["FIELD_TURN_SD_DEG"]))
-FIELD_SLOPE_SD_RAD_PER_MM = float(np.radians(_NUMBERS["FIELD_SLOPE_SD_DEG_PER_50_MM"]) / 50.0)
-UNMODELLED_MM: Mapping[str, float] = _NUMBERS["UNMODELLED_MM"]
-COMPOUND_DIGITS = ("ring", "little")
-UNMODELLED_LENGTH_MM: Mapping[str, float] = _NUMBERS["UNMODELLED_LENGTH_MM"]
-PHALANX_DEG: tuple[float, float] = _NUMBERS["PHALANX_DEG"]
-METACARPAL_DEG: tuple[float, float] = _NUMBERS["METACARPAL_DEG"]
-PALM_DEG: tuple[float, float] = _NUMBERS["PALM_DEG"]
-STILL_PALM_DEG: tuple[float, float] = _NUMBERS["STILL_PALM_DEG"]
-PALM_HELD_SD_RAD = float(np.radians(_NUMBERS["PALM_HELD_SD_DEG"]))
-DIP_PER_PIP = 2 / 3
-DIP_BY_PIP_SD_DEG: float = _NUMBERS["DIP_BY_PIP_SD_DEG"]
-ABDUCTION_DEG: tuple[float, float] = _NUMBERS["ABDUCTION_DEG"]
-AXIAL_DEG: tuple[float, float] = _NUMBERS["AXIAL_DEG"]
-HINGE_DEG: tuple[float, float] = _NUMBERS["HINGE_DEG"]
-THENAR: float = _NUMBERS["THENAR"]
-LITTLE: float = _NUMBERS["LITTLE"]
-NAIL: float = _NUMBERS["NAIL"]
+
+@dataclass(frozen=True)
+class Prior:
+    """What estimators assume of hands, receivers and skin; values and sources: `average_hand.yaml`."""
+
+    MOUNT_SHARE: float
+    """Share of a bone's length, from its proximal joint, at which its receiver sits."""
+    NAIL_SHARE: float
+    """The same of a distal phalanx, whose receiver sits on the nail."""
+    NAIL_SLOPE_DEG: float
+    """Slope of the back of a distal phalanx, and of a receiver on it, towards the tip."""
+    COVER_MM: float
+    """Height of the tracked point over the bone: skin and half a receiver's housing."""
+    CAPITATE_TO_CREASE_MM: float
+    """Distance from the wrist centre to the distal wrist crease, which lies proximal of it."""
+    SOURCE_SCALE: float
+    """Scale of the average hand over the hand from which the palm's shape is taken."""
+    AVERAGE_BREADTH_MM: float
+    """Breadth across the knuckles of digits 2 to 5, with skin, at scale 1."""
+    SKEW_MM: float
+    """Distance between the two skew axes of the thumb's CMC joint."""
+    SKEW_DEG: float
+    """Angle between those axes."""
+    PRO_SUPINATION: float
+    """Pro-supination per flexion of CMC 4 and 5."""
+    SCALE_SD: float
+    """Sd of the hand's scale among adults, relative."""
+    SCALE_SD_BY_LENGTH: float
+    """Sd of the scale where the hand's length was measured."""
+    BREADTH_SD_MM: float
+    """Sd of the breadth over skin about that of its bones and the skin of an average hand."""
+    LENGTH_SD_MM: Mapping[str, float]
+    """Sd of a bone's length between people of one scale, by kind of bone."""
+    SOURCE_SD_MM: Mapping[str, float]
+    """Sd of the error that all lengths of a kind share, by which published sources differ."""
+    THUMB_METACARPAL_SD_MM: float
+    """Sd of the length of the thumb's metacarpal."""
+    BASE_SD_MM: float
+    """Sd per direction of a metacarpal's base about that of the average palm."""
+    THUMB_BASE_SD_MM: float
+    """The same of the thumb's metacarpal."""
+    PALM_BREADTH_SD: float
+    """Sd of the palm's breadth at one scale, relative."""
+    DIRECTION_SD_RAD: float
+    """Sd of a digit's direction in the flat hand, either way."""
+    ROLL_SD_RAD: float
+    """Sd of a finger's roll about its long axis."""
+    THUMB_ROLL_SD_RAD: float
+    """Sd of the thumb's roll about its long axis."""
+    AXIS_SD_RAD: float
+    """Sd of the direction of a joint's axis, either way."""
+    SKEW_SD_MM: float
+    """Sd of the distance between the thumb's CMC axes."""
+    SKEW_AXIS_SD_RAD: float
+    """Sd of the direction of each of the thumb's CMC axes."""
+    PRO_SUPINATION_SD: float
+    """Sd of the pro-supination per flexion."""
+    LEAN_SD_RAD: float
+    """Sd by which a bone beyond a hinge leans sideways in a straight finger."""
+    JOINT_SLIDE_SD_MM: float
+    """Sd of the translation of a joint's centre per radian of flexion."""
+    HINGE_SLIDE_SD_MM: float
+    """The same of a hinge: PIP, DIP and IP joints."""
+    MOUNT_SD_MM: Vector
+    """Sd of a receiver's placement along the bone, across it and in height."""
+    ROUND_SD_RAD: float
+    """Sd of where round its bone a receiver is put, by which it is turned and moved sideways."""
+    COVER_SD_MM: float
+    """Sd of the height of the tracked point over the bone that all receivers of a hand have in common."""
+    HEIGHT_SD_MM: float
+    """Sd of each receiver's height where the layout names that of its tracked point."""
+    HOUSING_MM: float
+    """Height of the tracked point over a receiver's base that COVER_MM contains."""
+    SKIN_COVER_SD_MM: float
+    """Sd of the common height where the layout names that of the tracked point: thickness of the skin."""
+    HABIT_SHARE: float
+    """Share of that variance that is common to all receivers of a hand."""
+    MOUNT_TURN_SD_RAD: float
+    """Sd per component of a receiver's rotation away from the bone's axes."""
+    FACING_SD_RAD: float
+    """Sd of the roll about the bone of the receiver on the thumb's metacarpal."""
+    HAND_MOUNT_SD_MM: Vector
+    """Sd of the placement of the receiver on the back of the hand, in the hand's frame."""
+    SLIDE_SD_MM: Vector
+    """Sd of a receiver's motion on the skin per radian of an adjacent joint: along, across, in height."""
+    JOINTWISE_SLIDE_SD_MM: Vector
+    """The same where joints are solved one by one."""
+    TILT_SD: Vector
+    """Sd of a receiver's rotation on the skin per rotation of an adjacent joint, about its bone's axes."""
+    JOINTWISE_TILT_SD: float
+    """The same about any axis where joints are solved one by one."""
+    DISTAL_TILT: float
+    """Mean rotation of a receiver on a nail per flexion of the joint before it."""
+    DISTAL_TILT_SD: float
+    """Sd of that rotation."""
+    PLACE_LAG: float
+    """Share of CMC motion that skin adds to the position of the receiver on the thumb's metacarpal."""
+    PLACE_LAG_SD: float
+    """Sd of that share."""
+    TURN_LAG: float
+    """Share of CMC motion that skin adds to its orientation, beyond that of its position."""
+    TURN_LAG_SD: float
+    """Sd of that share."""
+    RELAXED_RAD: float
+    """Flexion of MCP, PIP, DIP and IP joints of a hand at rest, in which receivers are put on."""
+    JOINTWISE_NAIL: float
+    """Factor on skin motion over a distal phalanx where joints are solved one by one."""
+    JOINTWISE_THENAR: float
+    """Factor on skin motion over the thumb's metacarpal where joints are solved one by one."""
+    PALM_SLIDE_SD_MM: float
+    """Sd of a receiver's motion on the skin of the palm, per radian."""
+    PALM_TILT_SD: float
+    """Sd of its rotation there."""
+    UNKNOWN_SLIDE_SD_MM: float
+    """Sd of the motion of a receiver on a segment outside the described anatomy, per radian."""
+    SKIN_BENT: float
+    """Share of a skin motion that is not linear in the joint's angle."""
+    FIELD_TURN_SD_RAD: float
+    """Sd per component of the rotation that a room's field adds to all receivers."""
+    FIELD_SLOPE_SD_RAD_PER_MM: float
+    """Sd of the change of that rotation from place to place."""
+    UNMODELLED_MM: Mapping[str, float]
+    """Sd per direction of a centre beside all that is fitted, by kind of joint."""
+    UNMODELLED_LENGTH_MM: Mapping[str, float]
+    """The same of a length, by kind of bone."""
+    PHALANX_DEG: tuple[float, float]
+    """Mean and sd of the flexion of MCP, PIP, DIP and IP joints over a recording."""
+    METACARPAL_DEG: tuple[float, float]
+    """Mean and sd of the flexion of the thumb's CMC joint."""
+    PALM_DEG: tuple[float, float]
+    """Mean and sd of the flexion of CMC 4 and 5."""
+    STILL_PALM_DEG: tuple[float, float]
+    """Mean and sd of the flexion of CMC 2 and 3."""
+    PALM_HELD_SD_RAD: float
+    """Sd of the mean angle at which a person holds CMC 4 and 5."""
+    DIP_PER_PIP: float
+    """Flexion of a DIP joint per flexion of its PIP joint, in free motion."""
+    DIP_BY_PIP_SD_DEG: float
+    """Sd of a DIP joint's flexion about its share of the PIP joint's."""
+    ABDUCTION_DEG: tuple[float, float]
+    """Mean and sd of abduction."""
+    AXIAL_DEG: tuple[float, float]
+    """Mean and sd of axial rotation."""
+    HINGE_DEG: tuple[float, float]
+    """Mean and sd of the abduction and axial rotation of a hinge."""
+    THENAR: float
+    """Factor on skin motion over the thumb's metacarpal."""
+    LITTLE: float
+    """Factor on skin motion over the little finger."""
+    NAIL: float
+    """Factor on skin motion over a distal phalanx."""
+
+    def looseness(self, segment: str) -> float:
+        """Return the factor on skin motion over a segment's bone, 1 for a typical one."""
+        if segment == "thumb_metacarpal":
+            return self.THENAR
+        little = self.LITTLE if segment.startswith("little") else 1.0
+        return little * (self.NAIL if segment.endswith("_distal") else 1.0)
+
+
+prior = constants(
+    Prior,
+    _NUMBERS,
+    MOUNT_TURN_SD_RAD=float(np.radians(_NUMBERS["MOUNT_TURN_DEG"] / np.sqrt(3.0))),
+    DIP_PER_PIP=2 / 3,
+    FIELD_SLOPE_SD_RAD_PER_MM=float(np.radians(_NUMBERS["FIELD_SLOPE_SD_DEG_PER_50_MM"]) / 50.0),
+)
 
 
 @dataclass(frozen=True)
@@ -134,16 +229,16 @@ class DigitAnatomy:
     def mounts_mm(self) -> Array:
         """Receivers' places (B, 3), in the bones' frames: on the nail, and half way along others."""
         mounts = np.zeros((len(self.lengths_mm), 3))
-        mounts[:, 0] = MOUNT_SHARE * self.lengths_mm
-        mounts[-1, 0] = NAIL_SHARE * self.lengths_mm[-1]
-        mounts[:, 2] = self.bone_heights_mm + COVER_MM
+        mounts[:, 0] = prior.MOUNT_SHARE * self.lengths_mm
+        mounts[-1, 0] = prior.NAIL_SHARE * self.lengths_mm[-1]
+        mounts[:, 2] = self.bone_heights_mm + prior.COVER_MM
         return mounts
 
 
 def _thumb(
     facet_mm: Vector, direction: Vector, ip_axis: Vector, mcp_axis: Vector, **numbers: Any
 ) -> DigitAnatomy:
-    """A straight thumb of the numbers' THUMB; its CMC axes lie as its saddle does."""
+    """A straight thumb from THUMB of the YAML file; its CMC axes follow the saddle of the joint."""
     along = unit(np.array(direction))
     ip, mcp = (unit(axis - (axis @ along) * along) for axis in (np.array(ip_axis), np.array(mcp_axis)))
     return DigitAnatomy(
@@ -165,7 +260,7 @@ def _finger(
     lean_deg: float,
     **numbers: Any,
 ) -> DigitAnatomy:
-    """A finger of the numbers' FINGERS, from its CMC, MCP and PIP joint."""
+    """A finger from FINGERS of the YAML file, given its CMC, MCP and PIP joint."""
     cmc, mcp, pip = np.array(joints_mm)
     proximal = middle = unit(pip - mcp)
     lateral = unit(np.array(mcp_axis) - (np.array(mcp_axis) @ middle) * middle)
@@ -181,8 +276,8 @@ def _finger(
         np.cos(oblique[1]) * twisted + np.sin(oblique[1]) * distal,
     ]
     return DigitAnatomy(
-        SOURCE_SCALE * cmc,
-        np.array([unit(mcp - SOURCE_SCALE * cmc), proximal, middle, distal]),
+        prior.SOURCE_SCALE * cmc,
+        np.array([unit(mcp - prior.SOURCE_SCALE * cmc), proximal, middle, distal]),
         unit(np.array(axes)),
         np.array(numbers["lengths_mm"]),
         numbers["soft_tip_mm"],
@@ -190,21 +285,14 @@ def _finger(
     )
 
 
-DIGITS: Mapping[str, DigitAnatomy] = {
+DIGITS: dict[str, DigitAnatomy] = {
     "thumb": _thumb(**_NUMBERS["THUMB"]),
     **{name: _finger(**numbers) for name, numbers in _NUMBERS["FINGERS"].items()},
 }
 
 AVERAGE_LENGTH_MM = (
-    CAPITATE_TO_CREASE_MM
+    prior.CAPITATE_TO_CREASE_MM
     + float(DIGITS["middle"].base_mm[0] + DIGITS["middle"].lengths_mm.sum())
     + DIGITS["middle"].soft_tip_mm
 )
 """Distal wrist crease to the skin of the middle finger's tip, as people measure it; hand of scale 1."""
-
-
-def looseness(segment: str) -> float:
-    """Return how far skin moves over a segment's bone, 1 for a typical one."""
-    if segment == "thumb_metacarpal":
-        return THENAR
-    return (LITTLE if segment.startswith("little") else 1.0) * (NAIL if segment.endswith("_distal") else 1.0)

@@ -51,7 +51,7 @@ def starts_at_wrist(digit: Digit, layout: Layout, model: SkeletonModel) -> bool:
 
 
 def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) -> DigitChain | str:
-    """Return the digit's chain, or the sentence why it cannot be had: a joint of it failed.
+    """Return the digit's chain, or the reason why there is none: one of its joints failed.
 
     rows : joint_centres of one hand and model, the wrist point among them. Raises InputError where the
     model asks for a first joint of its own that no receiver measures, and fits no whole hand to find it.

@@ -1,9 +1,9 @@
 """The hands that the simulator draws: their bones, how they differ, where receivers sit, how skin moves them.
 
-No estimator reads this module, and the simulator reads nothing that estimators expect: one that is judged on
-people drawn from its own table cannot be seen to be wrong (tests/hand). Several published sources stand here
-as whole hands, since they disagree by more than people differ. The numbers, their sources and the frame of
-the hand stand in `drawn_hands.yaml`.
+No estimator reads this module, and the simulator reads nothing that estimators expect: errors of an estimator
+would remain hidden if it were tested on hands drawn from its own prior (tests/hand). Several published
+sources are included as whole hands, since they disagree by more than people differ. The numbers, their
+sources and the frame of the hand stand in `drawn_hands.yaml`.
 """
 
 from __future__ import annotations
@@ -15,71 +15,138 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.hand.rotations import Array, unit
-from shukotsu.study.config_files import read_constants
+from shukotsu.study.config_files import constants, read_constants
 
 Vector = tuple[float, float, float]
 
 _NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
 
-LENGTH_SD_MM: Mapping[str, tuple[float, ...]] = _NUMBERS["LENGTH_SD_MM"]
-SOFT_TIP_MM: Mapping[str, float] = _NUMBERS["SOFT_TIP_MM"]
-SOFT_TIP_SD_MM: float = _NUMBERS["SOFT_TIP_SD_MM"]
-ROLL_DEG: Mapping[str, float] = _NUMBERS["ROLL_DEG"]
-BLEND_SHARES: tuple[float, ...] = _NUMBERS["BLEND_SHARES"]
-SKEW_MM: float = _NUMBERS["SKEW_MM"]
-SKEW_DEG: float = _NUMBERS["SKEW_DEG"]
-PRO_SUPINATION: float = _NUMBERS["PRO_SUPINATION"]
-WRIST_AXES: tuple[Vector, ...] = _NUMBERS["WRIST_AXES"]
-PAD_DEPTH_MM: Mapping[str, float] = _NUMBERS["PAD_DEPTH_MM"]
-SCALE_SD: float = _NUMBERS["SCALE_SD"]
-BASE_SD_MM: Vector = _NUMBERS["BASE_SD_MM"]
-THUMB_BASE_SD_MM: Vector = _NUMBERS["THUMB_BASE_SD_MM"]
-DIRECTION_SD_RAD: float = _NUMBERS["DIRECTION_SD_RAD"]
-AXIS_SD_RAD = float(np.radians(_NUMBERS["AXIS_SD_DEG"]))
-CENTRES_SD_MM: float = _NUMBERS["CENTRES_SD_MM"]
-KNUCKLES_MM: float = _NUMBERS["KNUCKLES_MM"]
-METACARPALS_MM: float = _NUMBERS["METACARPALS_MM"]
-FINGERS_MM: float = _NUMBERS["FINGERS_MM"]
-SIDE_SD: float = _NUMBERS["SIDE_SD"]
-SIDE_LIMIT: float = _NUMBERS["SIDE_LIMIT"]
-PRO_SUPINATION_SD: float = _NUMBERS["PRO_SUPINATION_SD"]
-WOBBLE_SD_RAD: float = _NUMBERS["WOBBLE_SD_RAD"]
-AXIAL_COUPLING: Vector = _NUMBERS["AXIAL_COUPLING"]
-GLIDE_MM: Mapping[str, Vector] = _NUMBERS["GLIDE_MM"]
-GLIDE_ALONG: float = _NUMBERS["GLIDE_ALONG"]
-RELAXED_DEG: Mapping[str, tuple[float, float]] = _NUMBERS["RELAXED_DEG"]
-BONE_HEIGHT_MM: Mapping[str, tuple[float, ...]] = _NUMBERS["BONE_HEIGHT_MM"]
-SKIN_MM: float = _NUMBERS["SKIN_MM"]
-NAIL_MM: float = _NUMBERS["NAIL_MM"]
-RECEIVER_HALF_MM: tuple[float, float] = _NUMBERS["RECEIVER_HALF_MM"]
-MOUNT_SHARE: float = _NUMBERS["MOUNT_SHARE"]
-NAIL_SHARE: float = _NUMBERS["NAIL_SHARE"]
-MOUNT_RANGE: tuple[float, float] = _NUMBERS["MOUNT_RANGE"]
-NAIL_RANGE: tuple[float, float] = _NUMBERS["NAIL_RANGE"]
-NAIL_TILT_DEG: float = _NUMBERS["NAIL_TILT_DEG"]
-MOUNT_SD_MM: Vector = _NUMBERS["MOUNT_SD_MM"]
-MOUNT_SD_DEG: Vector = _NUMBERS["MOUNT_SD_DEG"]
-HABIT_SHARE: tuple[float, float] = _NUMBERS["HABIT_SHARE"]
-NAIL_OWN: Vector = _NUMBERS["NAIL_OWN"]
-NAIL_OWN_TURN: float = _NUMBERS["NAIL_OWN_TURN"]
-HAND_MOUNT_MM: Vector = _NUMBERS["HAND_MOUNT_MM"]
-FOREARM_MOUNT_MM: Vector = _NUMBERS["FOREARM_MOUNT_MM"]
-HAND_RISE_MM: float = _NUMBERS["HAND_RISE_MM"]
-HAND_MOUNT_SD_MM: Vector = _NUMBERS["HAND_MOUNT_SD_MM"]
-SLIDE_SD_MM: Vector = _NUMBERS["SLIDE_SD_MM"]
-TILT_SD: Vector = _NUMBERS["TILT_SD"]
-DISTAL_TILT: float = _NUMBERS["DISTAL_TILT"]
-THUMB_PLACE_LAG: tuple[float, float] = _NUMBERS["THUMB_PLACE_LAG"]
-THUMB_TURN_FURTHER: tuple[float, float] = _NUMBERS["THUMB_TURN_FURTHER"]
-NAIL: float = _NUMBERS["NAIL"]
-THENAR: float = _NUMBERS["THENAR"]
-LITTLE: float = _NUMBERS["LITTLE"]
-SATURATION_RAD: float = _NUMBERS["SATURATION_RAD"]
-LAG_S: float = _NUMBERS["LAG_S"]
-LAG_SHARE: float = _NUMBERS["LAG_SHARE"]
-WANDER_MM: float = _NUMBERS["WANDER_MM"]
-WANDER_DEG: float = _NUMBERS["WANDER_DEG"]
-WANDER_S: float = _NUMBERS["WANDER_S"]
+
+@dataclass(frozen=True)
+class Population:
+    """How drawn people, their receivers and their skin vary; values and sources: `drawn_hands.yaml`."""
+
+    LENGTH_SD_MM: Mapping[str, tuple[float, ...]]
+    """Sd of the lengths of a digit's bones between people of one hand size, from the base outward."""
+    SOFT_TIP_MM: Mapping[str, float]
+    """Skin and pulp beyond the last bone, by digit."""
+    SOFT_TIP_SD_MM: float
+    """Sd of the soft tip between people."""
+    ROLL_DEG: Mapping[str, float]
+    """Roll of a finger's hinges about its long axis: the palm's arch."""
+    BLEND_SHARES: tuple[float, ...]
+    """Parameters of the Dirichlet distribution of the sources' weights, in the order of `SOURCES`."""
+    SKEW_MM: float
+    """Distance between the two skew axes of the thumb's CMC joint."""
+    SKEW_DEG: float
+    """Angle between those axes."""
+    PRO_SUPINATION: float
+    """Pro-supination per flexion of CMC 4 and 5."""
+    WRIST_AXES: tuple[Vector, ...]
+    """Axes of flexion, abduction and axial rotation of the wrist, in the hand's frame."""
+    PAD_DEPTH_MM: Mapping[str, float]
+    """Depth of the pad that touches under the line of joints, by digit."""
+    SCALE_SD: float
+    """Sd of the scale of all lengths, relative."""
+    BASE_SD_MM: Vector
+    """Sd of a finger's CMC joint: distal, lateral, dorsal."""
+    THUMB_BASE_SD_MM: Vector
+    """Sd of the thumb's CMC joint: distal, lateral, dorsal."""
+    DIRECTION_SD_RAD: float
+    """Sd of the direction of a straight digit."""
+    AXIS_SD_RAD: float
+    """Sd of the direction of a joint's axis."""
+    CENTRES_SD_MM: float
+    """Sd of the depth of joint centres in the bones' heads, common to all digits."""
+    KNUCKLES_MM: float
+    """Least distance between neighbouring MCP centres, at scale 1."""
+    METACARPALS_MM: float
+    """Least distance between the lines of neighbouring metacarpals, at scale 1."""
+    FINGERS_MM: float
+    """Least distance between the lines of neighbouring fingers of an open hand, at scale 1."""
+    SIDE_SD: float
+    """Sd of the relative difference of a bone's length between a person's hands."""
+    SIDE_LIMIT: float
+    """Largest such difference."""
+    PRO_SUPINATION_SD: float
+    """Sd of the pro-supination per flexion."""
+    WOBBLE_SD_RAD: float
+    """Sd of the abduction and axial rotation of a hinge at 90 deg of flexion."""
+    AXIAL_COUPLING: Vector
+    """Axial rotation of MCP joints and the thumb's CMC: per abduction, sd of that, sd per flexion."""
+    GLIDE_MM: Mapping[str, Vector]
+    """Least and largest glide across a joint's axis in mm, and the flexion in deg over which it occurs."""
+    GLIDE_ALONG: float
+    """Largest share of that glide along the axis."""
+    RELAXED_DEG: Mapping[str, tuple[float, float]]
+    """Least and largest flexion of a relaxed hand, by kind of joint."""
+    BONE_HEIGHT_MM: Mapping[str, tuple[float, ...]]
+    """Height of the bones' dorsal surface at mid-length over the line of joints, by digit."""
+    SKIN_MM: float
+    """Thickness of the skin on the back of a finger."""
+    NAIL_MM: float
+    """Thickness of the nail with its bed."""
+    RECEIVER_HALF_MM: tuple[float, float]
+    """Least and largest half height of a receiver's housing."""
+    MOUNT_SHARE: float
+    """Share of a bone's length, from its proximal joint, at which its receiver sits."""
+    NAIL_SHARE: float
+    """The same of a receiver on a nail."""
+    MOUNT_RANGE: tuple[float, float]
+    """Least and largest share at which a receiver sits."""
+    NAIL_RANGE: tuple[float, float]
+    """The same of a receiver on a nail."""
+    NAIL_TILT_DEG: float
+    """Slope of the nail towards the pad."""
+    MOUNT_SD_MM: Vector
+    """Sd of a receiver's placement along the bone, across it and in height."""
+    MOUNT_SD_DEG: Vector
+    """Sd of a receiver's rotation about x, y, z of its bone."""
+    HABIT_SHARE: tuple[float, float]
+    """Least and largest share of that variance that is common to a hand's receivers; below 0: none is."""
+    NAIL_OWN: Vector
+    """Share of a receiver's individual placement that remains on a nail: along, across, in height."""
+    NAIL_OWN_TURN: float
+    """The same of its rotation."""
+    HAND_MOUNT_MM: Vector
+    """Nominal place of the receiver on the back of the hand, from the wrist centre."""
+    FOREARM_MOUNT_MM: Vector
+    """Nominal place of the receiver on the forearm, from the wrist centre."""
+    HAND_RISE_MM: float
+    """Height of the back of a drawn hand over that nominal place."""
+    HAND_MOUNT_SD_MM: Vector
+    """Sd of the placement of the receiver on the back of the hand."""
+    SLIDE_SD_MM: Vector
+    """Sd of a receiver's motion on the skin per radian of an adjacent joint: along, across, in height."""
+    TILT_SD: Vector
+    """Sd of a receiver's rotation on the skin per rotation of an adjacent joint, about its bone's axes."""
+    DISTAL_TILT: float
+    """Rotation of a receiver on a nail per flexion of the joint before it."""
+    THUMB_PLACE_LAG: tuple[float, float]
+    """Least and largest share of CMC motion by which the thumb's metacarpal receiver lags in position."""
+    THUMB_TURN_FURTHER: tuple[float, float]
+    """Least and largest share by which it lags further in orientation."""
+    NAIL: float
+    """Factor on skin motion over a distal phalanx."""
+    THENAR: float
+    """Factor on skin motion over the thumb's metacarpal."""
+    LITTLE: float
+    """Factor on skin motion over the little finger."""
+    SATURATION_RAD: float
+    """Joint angle towards which skin motion saturates."""
+    LAG_S: float
+    """Time by which skin lags behind its joint."""
+    LAG_SHARE: float
+    """Share of skin motion that lags."""
+    WANDER_MM: float
+    """Sd of the drift of a receiver's position that follows no joint."""
+    WANDER_DEG: float
+    """Sd of the drift of its orientation."""
+    WANDER_S: float
+    """Time constant of that drift."""
+
+
+drawn = constants(Population, _NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -113,8 +180,8 @@ def _across(along: Array, roll_deg: float = 0.0, obliquity_deg: float = 0.0) -> 
 
 
 def _drawn_digit(name: str, base_mm: Array, directions: Array, lengths_mm: Array, axes: Array) -> DrawnDigit:
-    length_sd_mm = np.array(LENGTH_SD_MM[name])
-    return DrawnDigit(base_mm, directions, lengths_mm, length_sd_mm, axes, SOFT_TIP_MM[name])
+    length_sd_mm = np.array(drawn.LENGTH_SD_MM[name])
+    return DrawnDigit(base_mm, directions, lengths_mm, length_sd_mm, axes, drawn.SOFT_TIP_MM[name])
 
 
 def _myohand_digit(name: str) -> DrawnDigit:
@@ -128,7 +195,7 @@ def _myohand_digit(name: str) -> DrawnDigit:
     return replace(digit, second_axis=np.array(_NUMBERS["MYOHAND_RADIAL_ABDUCTION"]))
 
 
-MYOHAND: DrawnHand = {name: _myohand_digit(name) for name in LENGTH_SD_MM}
+MYOHAND: DrawnHand = {name: _myohand_digit(name) for name in drawn.LENGTH_SD_MM}
 """One hand, its joints assembled with gaps, its palm narrow; the thumb's CMC axes lie as its model has
 them."""
 
@@ -136,7 +203,7 @@ them."""
 def _ct_finger(name: str) -> DrawnDigit:
     """A finger whose phalanges lie in line, as MyoHand's proximal phalanx points, but for the distal one."""
     pip_oblique, dip_oblique, twist, lean = _NUMBERS["CT_HINGES_DEG"][name]
-    roll, axes = ROLL_DEG[name], MYOHAND[name].flexion_axes.copy()
+    roll, axes = drawn.ROLL_DEG[name], MYOHAND[name].flexion_axes.copy()
     base, knuckle = np.array(_NUMBERS["CT_CMC_MCP_MM"][name])
     along = MYOHAND[name].directions[1]
     leaning = np.radians(lean)
@@ -158,8 +225,8 @@ def _ct_thumb() -> DrawnDigit:
     )
 
 
-CT: DrawnHand = {"thumb": _ct_thumb(), **{name: _ct_finger(name) for name in ROLL_DEG}}
-"""The hand of our CT fits: the best supported by far, where phalanges are concerned."""
+CT: DrawnHand = {"thumb": _ct_thumb(), **{name: _ct_finger(name) for name in drawn.ROLL_DEG}}
+"""The hand of our CT fits, by far the best supported source for phalanges."""
 
 XRAY: DrawnHand = {
     name: replace(
@@ -170,8 +237,8 @@ XRAY: DrawnHand = {
     )
     for name, digit in CT.items()
 }
-"""A pictured hand, flat, 170.6 mm long; where its bones stand and turn is not in the picture and is that of
-the CT hand and, of the fingers' axes, of MyoHand."""
+"""A flat hand from X-ray pictures, 170.6 mm long; positions and axes are not in the pictures and are those of
+the CT hand or, for the fingers' axes, of MyoHand."""
 
 
 def _buchholz_finger(name: str) -> DrawnDigit:
@@ -180,7 +247,7 @@ def _buchholz_finger(name: str) -> DrawnDigit:
     along = MYOHAND[name].directions[1]
     directions = np.array([unit(knuckle - base), along, along, along])
     lengths_mm = (float(np.linalg.norm(knuckle - base)), *_NUMBERS["BUCHHOLZ_PHALANGES_MM"][name])
-    axes = np.tile(_across(along, ROLL_DEG[name]), (4, 1))
+    axes = np.tile(_across(along, drawn.ROLL_DEG[name]), (4, 1))
     return _drawn_digit(name, base, directions, np.array(lengths_mm), axes)
 
 
@@ -191,7 +258,7 @@ BUCHHOLZ: DrawnHand = {
         directions=MYOHAND["thumb"].directions,
         lengths_mm=np.array(_NUMBERS["BUCHHOLZ_THUMB_MM"]),
     ),
-    **{name: _buchholz_finger(name) for name in ROLL_DEG},
+    **{name: _buchholz_finger(name) for name in drawn.ROLL_DEG},
 }
 """Proportions of cadaver hands, its joints plain hinges."""
 

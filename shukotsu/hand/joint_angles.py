@@ -50,8 +50,8 @@ def joint_angles(
 
     axes : (4,) how the joint's axes stand in the child's frame; None where they are that frame's.
 
-    At a deviation of exactly +-90 deg axial rotation is given as 0 and flexion takes it all, so that the
-    angles still give the pose back. Raises InputError where hand is neither right nor left.
+    At a deviation of exactly +-90 deg axial rotation is set to 0 and flexion takes the whole rotation, so
+    that the angles still reproduce the pose. Raises InputError where hand is neither right nor left.
     """
     sign = _sign(hand)
     relative = multiply(conjugate(parent), child)

@@ -30,12 +30,15 @@ def known_digits(layout: Layout) -> list[Digit]:
 
 
 def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]) -> str:
-    """The recommended model of a study: one that fits the whole hand, else the last not corrected."""
+    """The recommended model of a study: the first that fits the whole hand, else the last without manual
+    corrections that its layouts allow.
+    """
     whole = [name for name, model in models.items() if model.fitting is not None]
-    fitted = whole[:1] if any(map(known_digits, layouts)) else []
+    if whole and any(map(known_digits, layouts)):
+        return whole[0]
     uncorrected = [name for name, model in models.items() if not model.planes.corrections]
-    possible = [name for name in uncorrected if fitted or name not in whole]
-    return [*models, *uncorrected, *possible, *fitted][-1]
+    joint_by_joint = [name for name in uncorrected if name not in whole]
+    return (joint_by_joint or uncorrected or list(models))[-1]
 
 
 def no_whole_hand(layout: Layout, model: str) -> str:

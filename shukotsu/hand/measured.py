@@ -1,14 +1,14 @@
-"""Decide what receivers measured: one rule for every model, layout and table that is made of poses.
+"""Which joints, bones and tips the receivers measured: one rule for all models, layouts and tables.
 
 Bones are a tree. What lies between two receivers with a valid pose is measured; what lies beyond the last
-receiver is not, as only anatomy, or a link to another joint, says anything of it. So a joint is measured
+receiver is not, since only anatomy, or a coupling to another joint, constrains it. So a joint is measured
 where a receiver is valid on either side of it, a bone where it carries one or lies between two, and the tip
 of a digit where its last bone carries one.
 
 A receiver's six coordinates determine at most six angles between it and the receiver before, and no chain of
-a hand has more: without the middle phalanx's receiver the distal one's place tells the PIP and the DIP joint
-apart, and from the proximal phalanx alone follows the CMC joint of a metacarpal. How well is in the stated
-errors.
+a hand has more: without the middle phalanx's receiver the position of the distal one separates the PIP and
+the DIP joint, and from the proximal phalanx alone follows the CMC joint of a metacarpal. The stated errors
+quantify how well.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def measured_in(layout: Layout, segments: Sequence[str], valid: Bools) -> Measur
 
 
 def not_worn(layout: Layout, joint: str, worn: Collection[str]) -> list[str]:
-    """Return the receivers for want of which a joint is not measured, none where it is; worn : segments."""
+    """Return the missing receivers that leave a joint unmeasured, if it is. worn : segments."""
     beyond, child = _beyond(layout), layout.joints[joint].child
     for side in (beyond[child], _before(beyond, child)):
         if not side & {*worn}:

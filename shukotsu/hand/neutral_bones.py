@@ -1,15 +1,15 @@
-"""Derive bones' neutral poses from their names: which way a thumb faces, where angles are zero.
+"""Neutral poses of bones: which way a thumb's metacarpal faces, and where joint angles are zero.
 
 A bone frame's +Y is the back of the bone, and a thumb's metacarpal has two, some 100 deg apart about its long
-axis. In our tables it faces as the receiver over it does. A rig that is driven by these frames wants one
-answer: the nail's side, as its phalanges do.
+axis. In our tables it faces as the receiver over it does. A rig driven by these frames needs one of them: the
+nail's side, as for its phalanges.
 
-A thumb's phalanges leave no doubt: y is their axis of flexion, z points to the nail's side. On the nail's
+A thumb's phalanges are unambiguous: y is their axis of flexion, z points to the nail's side. On the nail's
 side of the metacarpal, y is nearest the MCP joint's axis of flexion. Towards the back of the hand, y is
 nearest the axis that musculoskeletal models (MyoHand) call the CMC joint's flexion, although the thumb leaves
-the palm about it. A receiver goes where the thumb has room for it, so the data decide. The MCP joint bends
-and deviates, which are swings, but hardly turns about the long axis: the twist between the two receivers is
-that of the facing.
+the palm about it. A receiver sits where the thumb has room for it, so the data decide which way it faces. The
+MCP joint bends and deviates, which are swings, but hardly turns about the long axis: the twist between the
+two receivers is that of the facing.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def bone_angles_deg(
 
 
 def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
-    """Return the bones with what is constant of them, a thumb's metacarpal facing its nail's side.
+    """Return the bones with their constant parts, a thumb's metacarpal facing its nail's side.
 
     Rotations are means over time; so are offsets where bone lengths do not wholly say them, NaN without a
     frame. The root's are zero and no turn.
@@ -102,7 +102,7 @@ def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
 def zeros_facing(
     joints: Sequence[SkeletonJoint], facing: Mapping[int, Array], hand: str
 ) -> tuple[SkeletonJoint, ...]:
-    """The joints, zeros in bone frames that are turned. facing : what `to_nail_side` says of them."""
+    """Return the joints with their zeros in rotated bone frames. facing : as of `to_nail_side`."""
     still, turned = np.array([1.0, 0.0, 0.0, 0.0]), list(joints)
     for index, joint in enumerate(joints):
         if joint.zero_deg and {index, joint.parent} & facing.keys():
@@ -120,7 +120,7 @@ def neutral_rotation(joint: SkeletonJoint, hand: str) -> Array:
 
 
 def angle_axes(joint: SkeletonJoint, hand: str) -> Array:
-    """Rotation (4,) in the bone's frame of what the joint's angles turn about; none where nothing says."""
+    """Rotation (4,) from the axes of the joint's angles to the bone's frame; identity by default."""
     return joint_rotation(np.array([0.0, 0.0, *(joint.zero_deg[3:] or (0.0,))]), hand)
 
 

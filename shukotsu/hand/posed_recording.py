@@ -1,7 +1,7 @@
-"""The reader of a recording of a hand under a skeleton model, whichever, from the tables of its subject.
+"""Reader of a recording of a hand under any skeleton model, from the tables of its subject.
 
-All that shows, measures or exports a hand in motion reads it here: receivers and bones block by block, and
-the numbers of every table that has rows frame by frame (joint angles, tips, errors), at the frames asked for.
+Display, measurement and export of a moving hand all read it here: receivers and bones block by block, and the
+numbers of every table that has rows frame by frame (joint angles, tips, errors), at the frames asked for.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A recording's file -> its poses table, as options of a command line say."""
+"""Import of a recording's file into its poses table, with options of a command line."""
 
 from __future__ import annotations
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand import drawn_hands as drawn
 from shukotsu.hand import rotations
+from shukotsu.hand.drawn_hands import CT, SOURCES, DrawnHand, blend_hands, drawn
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.realism import Realism, generator
 
-DIGITS = tuple(drawn.CT)
+DIGITS = tuple(CT)
 FINGERS = DIGITS[1:]
 
 # Joint j moves bone j + 1. Joints are ordered in levels outward from the body; a level is posed at once.
@@ -167,10 +167,10 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> RandomHand:
 
 def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
     """Draw the hand of a name at neutral, as a right hand, plausible or not."""
-    average = drawn.SOURCES.get(realism.anatomy)
+    average = SOURCES.get(realism.anatomy)
     if average is None:  # an individual blend of the sources
         weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
-        average = drawn.blend_hands(list(drawn.SOURCES.values()), weights)
+        average = blend_hands(list(SOURCES.values()), weights)
     rng = generator(seed, "anatomy", subject)
     scale = float(np.exp(drawn.SCALE_SD * _clipped_normal(rng, ())))
     depth_mm = drawn.CENTRES_SD_MM * float(_clipped_normal(generator(seed, "joint depth", subject), ()))
@@ -230,7 +230,7 @@ def _chain(digit: str) -> list[int]:
     return [j for j, joint in enumerate(JOINTS) if joint.startswith(f"{digit}_")]
 
 
-def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: Array, scale: float) -> Array:
+def _centres_mm(rng: np.random.Generator, average: DrawnHand, lengths_mm: Array, scale: float) -> Array:
     """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3) mm, proximal then distal."""
     centres = np.zeros((len(BONES), 2, 3))
     for digit, drawn_digit in average.items():
@@ -248,7 +248,7 @@ def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: 
 
 
 def _flexion_axes(
-    rng: np.random.Generator, average: drawn.DrawnHand, centres_mm: Array, realism: Realism
+    rng: np.random.Generator, average: DrawnHand, centres_mm: Array, realism: Realism
 ) -> tuple[Array, Array]:
     """Flexion axes (J, 3) at neutral, right hand, in the hand's frame: tilted, and those that orient the
     bones.

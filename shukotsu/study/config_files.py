@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Hashable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -22,13 +22,14 @@ from shukotsu.tables.text_files import read_text, slash_hint
 
 SCHEMA_FOLDER = ROOT / "schemas" / "json"
 CONFIG_FOLDER = ROOT / "config"
+Constants = TypeVar("Constants")
 
 REFERENCE = "prior-only"
-"""The hand that anatomy expects: a model without a step, which the workflow adds beside a study's own."""
+"""The average hand as a model without data, which the workflow adds to a study's models."""
 
 
 class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
-    """YAML 1.2, in which a key given twice is an error and not a silent last word.
+    """YAML 1.2; a duplicate key is an error instead of silently overriding the first.
 
     PyYAML's own is 1.1: 012 is ten there, 1:30 ninety, no false.
     """
@@ -38,7 +39,7 @@ _StrictLoader.yaml_implicit_resolvers = {}
 
 
 class _Dumper(yaml.SafeDumper):
-    """YAML that is the same in both versions: what either takes for more than a text is quoted."""
+    """YAML that reads alike in both versions: text that either would parse as another type is quoted."""
 
 
 _CORE_SCHEMA = {
@@ -51,7 +52,7 @@ _CORE_SCHEMA = {
     ),
     "merge": ("<<", "<"),
 }
-"""What plain texts stand for (YAML 1.2.2, 10.3.2), by their first letters; merging alone is 1.1's."""
+"""Types of plain scalars (YAML 1.2.2, 10.3.2) by their first letters; only the merge key is from 1.1."""
 
 for _tag, (_pattern, _letters) in _CORE_SCHEMA.items():
     for _class in (_StrictLoader, _Dumper):
@@ -116,7 +117,7 @@ def loaded_yaml(text: str, where: str) -> Any:
 
 
 def read_constants(path: Path) -> dict[str, Any]:
-    """Read a YAML file of what the program takes for granted; lists are tuples."""
+    """Read a YAML file of the program's constants; lists become tuples."""
 
     def fixed(value: Any) -> Any:
         if isinstance(value, dict):
@@ -124,6 +125,14 @@ def read_constants(path: Path) -> dict[str, Any]:
         return tuple(map(fixed, value)) if isinstance(value, list) else value
 
     return dict(fixed(read_yaml(path, "constants")))
+
+
+def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) -> Constants:
+    """Fill a dataclass of constants by field name; an angle in `_RAD` is read from the file's `_DEG`."""
+    for name in kind.__annotations__.keys() - derived.keys():
+        degrees = name.removesuffix("_RAD") + "_DEG"
+        derived[name] = numbers[name] if name in numbers else math.radians(numbers[degrees])
+    return kind(**derived)
 
 
 def yaml_text(content: Any) -> str:
@@ -140,7 +149,7 @@ def as_yaml_1_1(path: Path) -> Any:
 
 
 def _check_nesting(text: str) -> None:
-    """Raise YAMLError where lists and mappings are too deep in each other for what comes after, in C."""
+    """Raise YAMLError where lists and mappings are nested too deeply for the C parser."""
     depth = 0
     event: Any
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
@@ -282,7 +291,7 @@ def _sentence(error: Any) -> str:
 
 
 def _odd_values(value: Any, where: str = "") -> Iterator[str]:
-    """Name what JSON Schema lets pass or trips over: .nan, .inf, huge numbers, control characters."""
+    """Report values that JSON Schema accepts or fails on: .nan, .inf, huge numbers, control characters."""
     if isinstance(value, float) and not math.isfinite(value):
         yield f"{where}: is {value}; expected a finite number"
     if isinstance(value, int) and abs(value) > limits.LARGEST_WHOLE:

@@ -1,4 +1,5 @@
-"""Findings: what was declared of a recording and cannot be, and their sentences, made where they are shown.
+"""Findings: contradictions between a recording's declared properties and its poses; sentences are made on
+display.
 
 Kinds stand in `mistakes.yaml`, sentences by kind and variant in `finding_sentences.yaml`.
 """
@@ -145,7 +146,7 @@ class Finding:
 
 
 def severity_of_loss(percent: float) -> str:
-    """Return how grave it is that so many of a receiver's poses are left out: a note changes no number."""
+    """Return the severity of leaving out this percentage of a receiver's poses; a note changes no number."""
     return SUSPECT if percent >= LEAST_LOST else NOTE
 
 
@@ -226,7 +227,7 @@ def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Fin
 
 
 def unchecked_finding(message: str) -> Finding:
-    """Return that a recording could not be checked: of what is not known nobody is suspected."""
+    """Return the note that a recording could not be checked."""
     return Finding("unchecked", NOTE, "", {"reason": message})
 
 

@@ -1,6 +1,6 @@
 """A layout: segments, joints and digits, and which of them carry a receiver.
 
-Nothing here knows a hand: a layout is any tree of segments with chains that end in a tip.
+A layout is not limited to hands: it is any tree of segments with chains that end in a tip.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A mapping: how a lab's own file is to be read, each unit and convention said and none guessed."""
+"""A mapping: how to read a laboratory's own file, with every unit and convention stated and none guessed."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def mapping_from_config(loaded: Any, where: str) -> FileMapping:
 
 
 _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
-"""What a drafted mapping has where the file cannot say the truth."""
+"""Placeholder in a drafted mapping where the file does not determine a value."""
 
 _SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -83,7 +83,7 @@ def _unedited_keys(value: object, path: str) -> Iterator[str]:
 
 
 def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
-    """Name, before the schema does, what a draft or a first mapping most often gets wrong."""
+    """Report the most frequent faults of a draft or a first mapping before the schema does."""
     if places := list(dict.fromkeys(_unedited_keys(loaded, ""))):
         verb = "says" if len(places) == 1 else "say"
         yield f"{list_names(places, 4)} still {verb} CHECK: put the truth there"
@@ -118,7 +118,7 @@ _LONG_KEYS = ("receiver", "position", "orientation")
 
 
 def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
-    """Name what does not go together in a mapping that its schema allows; keys : those of the file itself."""
+    """Report contradictions in a mapping that its schema allows; keys : those of the file itself."""
     form, axes = config["format"], config["position_axes"]
     odd = sorted({"csv", "c3d", "xdf"} & set(keys) - {form})
     if odd:
@@ -146,10 +146,10 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
     if form == "c3d":
         yield from _c3d_faults(config["receivers"])
     if form == "capture":
-        odd = [key for key in ("orientation", "rate_hz") if key in config]
-        odd += ["fixed"] * bool(config["fixed"]) + ["position_axes"] * (axes != ["x", "y", "z"])
-        if odd:
-            yield f"{odd[0]}: a raw capture says it itself; leave it out"
+        stated = {name: name in config for name in ("orientation", "rate_hz")}
+        stated |= {"fixed": bool(config["fixed"]), "position_axes": axes != ["x", "y", "z"]}
+        if key := next((name for name, is_stated in stated.items() if is_stated), None):
+            yield f"{key}: a raw capture says it itself; leave it out"
 
 
 def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[str]:

@@ -79,15 +79,15 @@ class SkeletonModel:
 
     @property
     def is_reference(self) -> bool:
-        """Return whether it is the hand that anatomy expects, with no word from the data."""
+        """Return whether it is the average hand, independent of the data."""
         return self.fitting is not None and not self.fitting.steps
 
 
 def the_papers(models: Iterable[SkeletonModel]) -> str:
     """The name of the paper's skeleton: of the models of its tables that nobody corrected by hand the last.
 
-    Empty where there is none. The first of them leaves metacarpals at rest, and everything beats it by
-    centimetres, so it is nothing to compare with.
+    Empty where there is none. The first of them leaves metacarpals at rest; it is worse by centimetres than
+    any other and therefore no useful baseline.
     """
     of_table = {
         model.paper_table: model.name

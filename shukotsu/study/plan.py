@@ -1,4 +1,4 @@
-"""A subject's plan: everything that the stages need to know of the study about one subject, resolved.
+"""A subject's plan: everything that the stages need to know about one subject of the study.
 
 `results/<study>/sub-S/plan.json` holds the subject's recordings with their roles, the layout of each hand,
 the models, sizes and the rows of the sheets that are the subject's. A session that the recordings sheet names
@@ -136,11 +136,11 @@ class SubjectPlan:
         return tuple(name for name, model in self.models.items() if model.fitting is not None)
 
     def recordings_of(self, hand: str, *roles: str) -> list[Recording]:
-        """The hand's recordings in those roles that are not excluded."""
+        """The hand's recordings in the given roles, without excluded ones."""
         return [r for r in self.recordings if r.hand.hand == hand and r.role in roles and not r.exclude]
 
     def evaluated(self, hand: str, made_without: str = "") -> list[Recording]:
-        """Recordings that tips are evaluated on; for a skeleton made without a task, those of that task."""
+        """Recordings in which tips are evaluated; for a skeleton made without a task, those of that task."""
         recordings = self.recordings_of(hand, "evaluation", "both")
         return [r for r in recordings if made_without in ("", r.task)]
 
@@ -154,11 +154,11 @@ class SubjectPlan:
         return [*self.evaluated(hand, made_without), *calibrating]
 
     def all_calibrating(self, hand: str) -> list[Recording]:
-        """Recordings that may calibrate the hand under some model."""
+        """Recordings that may calibrate the hand under any model."""
         return self.recordings_of(hand, "calibration", "both")
 
     def calibrating(self, hand: str, model: str, made_without: str = "") -> list[Recording]:
-        """Recordings that joints are solved from under a model, without a task where one is named."""
+        """Recordings from which joints are solved under a model, without one task if it is named."""
         recordings = [r for r in self.all_calibrating(hand) if not made_without or r.task != made_without]
         scored = [r for r in recordings if r.role == "both"]
         chosen = self.is_study and self.models[model].joints.calibration == "evaluated" and scored
@@ -176,7 +176,7 @@ class SubjectPlan:
         return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
 
     def naming(self, poses: Sequence[Path], tables: Mapping[str, Sequence[Path]]) -> SubjectPlan:
-        """Return the plan with the poses and tables that a command line names, known by what is in them.
+        """Return the plan with the poses and tables named on a command line, identified by their content.
 
         poses : none where they are read from where the plan says. tables : by name. Raises InputError where
         two files are of the same, TableError where poses are of no recording of the plan.
@@ -208,7 +208,7 @@ class SubjectPlan:
         return replace(self, named=named, poses_files={**excluded, **files} if poses else self.poses_files)
 
     def checked(self, findings: Path) -> SubjectPlan:
-        """Return the plan with what the subject's findings table refuses and suspects."""
+        """Return the plan with the refusals and suspicions of the subject's findings table."""
         rows = list(rows_of(read_table(findings, FINDINGS)))
         reasons, suspicions = (
             {
@@ -249,7 +249,7 @@ class SubjectPlan:
         return Part(hand, model, made_without, self.subject, self.session)
 
     def parts(self, *models: str) -> list[Part]:
-        """Every skeleton of those models (default: all): the whole one, then those without each task."""
+        """Every skeleton of the models (default: all): the whole one, then those without each task."""
         return [
             self.part(hand, model, task)
             for hand in self.hands
@@ -332,7 +332,9 @@ SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
 
 
 def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> list[SheetRow]:
-    """Return a subject's rows of a sheet for a session: its own, and those for all that it has not."""
+    """Return a subject's rows of a sheet for a session: its own rows, and rows for all sessions that they do
+    not override.
+    """
     key = [column for column in sheet.key if column != "session"]
     of_session = [row for row in rows if row["session"] == session]
     named = {tuple(row[column] for column in key) for row in of_session}
@@ -440,7 +442,7 @@ def plan_text(plan: Mapping[str, Any]) -> str:
 
 
 def plan_digest(*contents: Any) -> str:
-    """Return a digest of parts of a plan, for the workflow to see when they change."""
+    """Return a digest of parts of a plan, by which the workflow notices changes."""
     return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
 

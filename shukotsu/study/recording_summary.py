@@ -1,4 +1,4 @@
-"""A subject's part of the study's tables: rows of recordings, short tables, and problems, made here alone."""
+"""A subject's part of the study's tables: rows of recordings, short tables, and problems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One module, this one, knows the scheme of a study's paths."""
+"""Paths of a study's results; no other module builds them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SUBJECT_TABLES = {
     "joint_errors": "evaluate_skeletons",
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
-"""Tables of every subject, of both hands and all models, and the rule that writes each."""
+"""Tables of a subject, with both hands and all models, and the rule that writes each."""
 
 FIT_TABLES = (
     "fitted_joints",
@@ -63,21 +63,21 @@ GATHERED_TABLES = {
 STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems", "agreement")
 
 MODEL_COMPARISONS = ("model_values", "model_pairs", "model_differences")
-"""How the study's models compare over its subjects, made from its tables."""
+"""Comparisons of the study's models, made from its tables."""
 
 MOVEMENT_COMPARISONS = ("movement_differences", "movement_reliability")
-"""What the study says of its subjects' movement, made from its tables."""
+"""Comparisons of the subjects' movement, made from the study's tables."""
 
 
 STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion", "groups")
-"""Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
+"""Figures of a study for print; one without data consists of a sentence that says so."""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")
 """A figure's files: two of the drawing, and its caption."""
 
 
 FAILED_PAGES = "failed.txt"
-"""Name of the file that names those of a subject's pages that could not be made, a line each, and why."""
+"""File that lists a subject's pages that could not be made, with the reasons, a line each."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Results:
 
     @property
     def resolved(self) -> Path:
-        """The study as it was understood: its file, layouts and models with every default filled in."""
+        """The study as it was understood: its file, layouts and models with all defaults."""
         return self.folder / "resolved.yaml"
 
     def subject(self, subject: str, session: str = "") -> Path:

@@ -1,4 +1,4 @@
-"""Sheets: tab-separated tables that people keep; which columns each has stands in `sheets.yaml`.
+"""Sheets: tab-separated tables kept by the user; their columns are defined in `sheets.yaml`.
 
 Every cell is checked; a message names the file, the row (as an editor counts lines) and the column.
 """

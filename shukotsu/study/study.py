@@ -1,4 +1,4 @@
-"""A study: its file, its sheets, and which recording serves which purpose."""
+"""A study: its file, its sheets, and the role of each recording."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NO_LEVEL = ("", "n/a")
 
 @dataclass(frozen=True)
 class Recording:
-    """One row of the recordings sheet, paths resolved. more : further columns, which no plan has."""
+    """Row of the recordings sheet, with resolved paths. more : further columns, which are not in plans."""
 
     hand: Hand
     task: str
@@ -75,7 +75,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class UnusableRow:
-    """A row of the recordings sheet that is left out, and why: the study goes on with the others."""
+    """A row of the recordings sheet that is left out, and the reason; the others are used."""
 
     hand: Hand
     task: str
@@ -84,7 +84,7 @@ class UnusableRow:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Simulated recordings go to a folder and are made by a seed."""
+    """Folder and seed of simulated recordings."""
 
     folder: Path
     seed: int
@@ -124,11 +124,11 @@ class Study:
 
     @property
     def sessions(self) -> tuple[SubjectSession, ...]:
-        """Every subject in every session of theirs, in the sheet's order."""
+        """All sessions of all subjects, in the sheet's order."""
         return tuple(dict.fromkeys(recording.hand.who for recording in self.recordings))
 
     def of_session(self, subject: str, session: str = "") -> Study:
-        """Return the study with that subject's recordings of that session alone.
+        """Return the study with only the recordings of that subject and session.
 
         Raises InputError where the study has none.
         """
@@ -151,31 +151,31 @@ class Study:
 
     @property
     def shown(self) -> tuple[Recording, ...]:
-        """Every recording that tips are evaluated on, and so has a page in the report."""
+        """Recordings in which tips are evaluated; each has a page in the report."""
         return evaluated_recordings(self.recordings)
 
     def layout_of(self, hand: Hand) -> Path:
-        """Return the layout of the hand's recordings; of several that which wears most receivers."""
+        """Return the layout of the hand's recordings; of several, the one with most receivers."""
         layouts = list(dict.fromkeys(recording.layout for recording in self._by_hand[hand]))
         if len(layouts) == 1:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
 
     def judged_layout(self, hand: Hand) -> Layout:
-        """Return the layout of the hand's recordings, with what the study asks of its joints."""
+        """Return the layout of the hand's recordings with the study's demands on its joints."""
         layout = read_layout(self.layout_of(hand).absolute())
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
 
 
 def evaluated_recordings(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
-    """Return those that tips are evaluated on."""
+    """Return the recordings in which tips are evaluated."""
     return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
 
 
 def levels_of(
     recordings: Iterable[Recording], participants: Iterable[Row], names: Iterable[str]
 ) -> list[dict[str, str]]:
-    """Return a row for every recording: its key, and its level of each factor, empty where it has none."""
+    """Return a row for every recording: its key and its levels of all factors, empty where it has none."""
     people = {row["subject"]: row.values for row in participants}
     further = [name for name in names if name not in OWN_FACTORS]
     rows = []
@@ -198,7 +198,7 @@ def factor_levels(study: Study) -> list[dict[str, str]]:
 
 
 def not_compared(study: Study) -> dict[str, str]:
-    """Return, by the factors whose levels are not compared pair by pair, why they are not."""
+    """Return, for each factor whose levels are not compared pair by pair, the reason."""
 
     def is_number(text: str) -> bool:
         with suppress(ValueError):
@@ -268,9 +268,9 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
 
 
 def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
-    """Return that the study lacks the hand that a row is of, empty where it has it.
+    """Return a message if the study lacks the hand of a row, or an empty text.
 
-    A row without a session is of all sessions.
+    A row without a session belongs to all sessions.
     """
     hand = Hand(row["subject"], row["hand"], row["session"])
     sides = set(hands)
@@ -280,7 +280,7 @@ def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
 
 
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
-    """Return, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
+    """Return a sentence for each correction that concerns a hand or joint that does not exist."""
     sides, joints = set(hands), [joint.name for joint in layout.solvable]
     problems = []
     for row in rows:
@@ -318,7 +318,7 @@ def unmatched_rows(study: Study) -> list[str]:
 
 
 def columns_handed_on(study: Study) -> list[str]:
-    """Return, in a sentence if there are any, the recordings sheet's columns that the study does not use."""
+    """Return a sentence on the columns of the recordings sheet that the study does not use, if any."""
     names = [name for name, _ in study.recordings[0].more if name not in study.factors]
     where = study.sheets["recordings"].name
     use = "not used, but handed on to recordings.parquet as they stand"
@@ -386,7 +386,7 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 
 
 def _why_unusable(recording: Recording) -> str:
-    """Return why no file can have the names that a row asks for; empty where they can."""
+    """Return why the names in a row are not valid in file names, or an empty text."""
     names = (*recording.hand.who, recording.task, recording.trial)
     n_bytes = sum(len(path_token(name).encode()) for name in names)
     if n_bytes > NAMES_BYTES:
@@ -403,7 +403,7 @@ def _why_unusable(recording: Recording) -> str:
 
 
 OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
-"""Endings of files that say what their numbers are; no mapping of the study's is for them."""
+"""Endings of files that describe their own numbers; the study's mapping does not apply to them."""
 
 
 def _recordings(

@@ -241,18 +241,15 @@ def writing(
         }
 
 
-def run(
+def script(
     build_parser: Callable[[], argparse.ArgumentParser],
-    argv: Sequence[str] | None,
     work: Callable[[argparse.Namespace], None],
     writes: Writes,
-    parts: Callable[[argparse.Namespace, str], Iterable[Part]] = lambda arguments, _: plan_of(
-        arguments
-    ).parts(),
-) -> int:
-    """Run a stage that writes tables in parts; return its exit code.
+    parts: Callable[[argparse.Namespace, str], Iterable[Part]] = lambda options, _: plan_of(options).parts(),
+) -> Callable[..., int]:
+    """Return the `main` of a stage that writes tables in parts.
 
-    With --record-failure a bug outside of all parts is written as the reason why each of them cannot be had.
+    With --record-failure a bug outside of all parts is written as the reason why each of them is missing.
     parts : of a table, by its name; by default every skeleton of the plan.
     """
 
@@ -264,15 +261,15 @@ def run(
                 for part in parts(arguments, name):
                     table.failure(part, message)
 
-    return command_line.run(build_parser, argv, work, record_bug=record_bug)
+    return command_line.script(build_parser, work, record_bug=record_bug)
 
 
 @contextmanager
 def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsWriter) -> Iterator[None]:
     """With --record-failure, write why a part of the tables cannot be had into them, and go on.
 
-    That holds for a bug too: it must not cost a study its other hands and models, and its traceback stays in
-    the log. A TableError is no result of the subject's data, and is raised.
+    That includes bugs: the study's other hands and models must not be lost, and the traceback stays in the
+    log. A TableError is no result of the subject's data, and is raised.
     """
     with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         yield

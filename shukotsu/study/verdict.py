@@ -1,4 +1,4 @@
-"""Whether to believe a joint or a bone: the one rule, for every model, joint and layout, and its words.
+"""Verdicts on joints and bones: one rule for every model, joint and layout.
 
 What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
 what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
@@ -28,13 +28,13 @@ WIDE_GAP_TIMES, CONTRARY_GAP_TIMES = 2.5, 5.0
 times wanted_mm is one that the stated error does not know, and one that no skin makes."""
 
 LITTLE_RANGE_DEG = 10.0
-"""Skin alone turns receivers by some 4 deg against each other, and correlates with the neighbours' motion: a
-centre found from less than about twice that may be the skin's (docs/method.md)."""
+"""Skin alone rotates receivers by some 4 deg against each other, correlated with the neighbours' motion; a
+centre solved from less than about twice that range may reflect skin motion (docs/method.md)."""
 
 LARGE_AXIS_SD_DEG = 5.0
 
 LEAST_KNUCKLES_MM = 9.0
-"""Nobody's neighbouring MCP centres are nearer to each other: heads of metacarpals are 12 to 14 mm wide."""
+"""Smallest plausible distance of neighbouring MCP centres: metacarpal heads are 12 to 14 mm wide."""
 
 ONE_DIRECTION = 0.8
 """Share of a centre's variance along one line from which it is called uncertain in one direction."""

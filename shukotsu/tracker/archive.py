@@ -1,8 +1,9 @@
-"""The raw archive: every byte that a tracker sent, as it came, and every command that it was sent.
+"""The raw archive: every byte received from a tracker and every command sent to it.
 
-An archive is an Arrow IPC stream (`.arrows`), so that any Arrow reader opens it. A row is a piece of what
-passed: see COLUMNS and KINDS. Batches are appended whole and synced to disk about once a second; a recorder
-that is killed loses what came since. The reader takes every whole batch, also behind one that is damaged.
+An archive is an Arrow IPC stream (`.arrows`), so that any Arrow reader opens it. A row is one piece of this
+traffic: see COLUMNS and KINDS. Batches are appended whole and synced to disk about once a second; a recorder
+that is killed loses only what came since. The reader recovers every complete batch, also those after a
+damaged one.
 """
 
 from __future__ import annotations
@@ -62,10 +63,10 @@ _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
 """Windows would write a line feed as two bytes."""
 _CONTINUATION, _END_OF_STREAM = b"\xff\xff\xff\xff", b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _MOST_HEAD_BYTES = 1 << 20
-"""What an archive says of itself is shorter."""
+"""Longest description that an archive carries."""
 _WINDOW_BYTES = 8 << 20
 _STRETCH_BYTES = 64 << 20
-"""No batch is half as long, and so much of a file that grows is looked at in one go."""
+"""At least twice the longest batch; also the amount of a growing file that is read at once."""
 
 
 class ArchiveWriter:
@@ -112,19 +113,19 @@ class ArchiveWriter:
         sync_folder(path.parent)
 
     def received(self, data: bytes, host_ns: int) -> None:
-        """Keep bytes that came."""
+        """Record bytes that were received."""
         self._add(RECEIVED, data, host_ns)
 
     def sent(self, data: bytes, host_ns: int) -> None:
-        """Keep bytes that were sent."""
+        """Record bytes that were sent."""
         self._add(SENT, data, host_ns)
 
     def settings(self, settings: Mapping[str, Any], host_ns: int) -> None:
-        """Keep how the stream is to be read (`StreamSettings.to_json`)."""
+        """Record the settings by which the stream is decoded (`StreamSettings.to_json`)."""
         self._add(SETTINGS, _json_bytes(settings), host_ns)
 
     def event(self, name: str, host_ns: int, /, **details: Any) -> None:
-        """Keep that something happened."""
+        """Record an event."""
         self._add(EVENT, _json_bytes({**details, "event": name}), host_ns)
 
     def flush(self) -> None:
@@ -154,7 +155,7 @@ class ArchiveWriter:
             os.close(self._file)
 
     def discard(self) -> None:
-        """Leave no file: nothing was recorded, and the next attempt may use the name."""
+        """Remove the file: nothing was recorded, and the next attempt may reuse the name."""
         os.close(self._file)
         self.path.unlink(missing_ok=True)
 
@@ -163,7 +164,7 @@ class ArchiveWriter:
         self.waiting_bytes += len(data)
 
     def _append(self, data: bytes) -> None:
-        """Write all of it or nothing: half a batch would hide what follows."""
+        """Write the whole batch or nothing: a partial batch would hide the following ones."""
         written = 0
         try:
             while written < len(data):
@@ -200,9 +201,9 @@ def _json_bytes(value: Any) -> bytes:
 class Piece:
     """Rows of an archive: host_ns, utc_offset_ns, kind, all (N,), and the bytes of each.
 
-    Rows that do not have the checksums that stand in them are not here; `spoilt_bytes` counts what they held,
-    `unreadable_bytes` what of the file before this piece was no batch, `missing_rows` the rows before and
-    among these that are neither.
+    Rows that fail their checksum are left out; `spoilt_bytes` counts the bytes they held, `unreadable_bytes`
+    the bytes before this piece that belong to no batch, `missing_rows` the rows missing before and among
+    these.
     """
 
     host_ns: npt.NDArray[np.int64]
@@ -216,7 +217,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Archive:
-    """An archive that is open for reading, whole or in part."""
+    """An archive open for reading."""
 
     path: Path
     about: Mapping[str, Any]
@@ -225,7 +226,7 @@ class Archive:
     _schema: pa.Schema
 
     def pieces(self) -> Iterator[Piece]:
-        """Yield the batches in turn; a last empty piece may tell of bytes at the end that were none."""
+        """Yield the batches in turn; a last empty piece may report trailing bytes that belong to no batch."""
         forgotten = 0
         for piece, at, _ in _pieces(pa.py_buffer(self._mapped), self._first, self._schema, 0, final=True):
             yield piece
@@ -357,7 +358,7 @@ def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
         )
     if not schema.equals(pa.schema(_fields(columns)), check_metadata=False):
         raise not_one
-    if named[1] != FIRST_VERSION and not sound:  # what it says is for people; the recording is in its rows
+    if named[1] != FIRST_VERSION and not sound:  # a description for people, not the recording
         return {"damaged": "what this recording says of itself does not have its checksum; left out"}
     return about
 

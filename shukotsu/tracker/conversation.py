@@ -1,8 +1,8 @@
-"""What is asked of a recording, and the talk with its tracker: all of it kept, answers picked out of it.
+"""Settings requested of a recording, and the dialogue with its tracker: every byte is kept, answers are
+extracted.
 
-A thread reads and does nothing else but stamp what came, so that nothing else can make it late. An answer is
-recognised by what it says of itself and never by its place, for records of a stream that was left running may
-stand anywhere between.
+One thread only reads and time-stamps, so that no other work can delay it. An answer is recognised by its
+content and never by its position, since records of a stream that was left running may come in between.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ TRACK = (0.0, 0.0, 0.0)
 """Hemisphere of a tracker that follows the receiver."""
 STOP_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 IGNORED_SIGNALS = ("SIGTSTP", "SIGTTOU")
-"""Ctrl-Z would leave the tracker's bytes to a buffer that is soon full."""
+"""Suspending by Ctrl-Z would let the tracker's bytes overflow a buffer."""
 
 
 @dataclass(frozen=True)
 class RecordingRequest:
-    """What a recording shall be like.
+    """Settings requested for a recording.
 
     short : only the frame count, position and quaternion of each record. asked_hz : None for the usual rate.
     stations : None for all that are connected. hemisphere : vector of the half of space, TRACK to have the
@@ -97,13 +97,13 @@ def parse_hemisphere(text: str) -> tuple[float, float, float]:
 
 
 class StopRequest:
-    """Whether somebody asked for the end. reason : who, the first time; "" while nobody did."""
+    """Request to stop. reason : what asked first; empty while nothing did."""
 
     def __init__(self) -> None:
         self.reason = ""
 
     def ask(self, reason: str) -> None:
-        """Ask for the end; a second reason does not replace the first."""
+        """Request a stop; a second reason does not replace the first."""
         self.reason = self.reason or reason
 
     def __bool__(self) -> bool:
@@ -112,7 +112,7 @@ class StopRequest:
 
 @contextmanager
 def stop_on_signals(stop: StopRequest) -> Iterator[None]:
-    """Have signals ask for the end instead of ending the program, within the `with`."""
+    """Within the `with`, let signals request a stop instead of ending the program."""
 
     def ask(number: int, _frame: Any) -> None:
         stop.ask(signal.Signals(number).name)
@@ -128,13 +128,14 @@ def stop_on_signals(stop: StopRequest) -> Iterator[None]:
 
 
 SILENCE_S = 0.3
-"""A tracker that sends nothing for so long does not stream."""
+"""A tracker that is silent for this long is not streaming."""
 MOST_WAITING_BYTES = 16 << 20
-"""What comes while so much waits to be kept is dropped and counted: half a minute of the fastest tracker."""
+"""Bytes that arrive while this many wait to be stored are dropped and counted: half a minute of the fastest
+tracker."""
 MOST_BEFORE_FRAMES_BYTES = 32 << 20
-"""No tracker sends so much while it is set up, not even one that was left streaming."""
+"""More bytes than any tracker sends during set-up, even one that was left streaming."""
 ANSWER_BYTES = 1 << 16
-"""No answer is longer."""
+"""Longest answer."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ class Chunk:
 
 
 class StoppedError(Exception):
-    """The user ended the recording while the tracker was being talked to."""
+    """The user stopped the recording during the dialogue with the tracker."""
 
 
 class Conversation:
@@ -200,7 +201,7 @@ class Conversation:
         return host_ns
 
     def keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Keep all that has come by now, and return it; wait so long for a first chunk."""
+        """Store and return all chunks received so far; wait at most this long for a first one."""
         chunks = []
         with suppress(queue.Empty):
             chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
@@ -288,7 +289,7 @@ class TrackerDriver:
             if baud != first_baud and baud is not None:
                 port.set_baud(baud)
             identity, heard = attempt()
-            if identity is None and heard:  # a busy host may have read the answer too late
+            if identity is None and heard:  # a busy host may read the answer too late
                 identity, heard = attempt()
             if identity is not None:
                 if baud != first_baud:
@@ -346,13 +347,13 @@ def format_setting(value: Any) -> str:
 
 
 def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Whether two vectors point the same way, to 0.8 degrees; never where one has no length."""
+    """Whether two vectors point the same way, to 0.8 degrees; never where one is the zero vector."""
     lengths = math.hypot(*a) * math.hypot(*b)
     return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
 
 
 def is_zero(values: Sequence[float]) -> bool:
-    """Whether an offset or a rotation is none."""
+    """Whether an offset or a rotation is zero."""
     return all(abs(value) < 1e-4 for value in values)
 
 

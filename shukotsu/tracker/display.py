@@ -1,4 +1,4 @@
-"""What people read of a recording: counts while it is made, the summary when it has ended. No I/O."""
+"""Text shown to the user: counts during a recording, the summary at its end. No I/O."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Heard, Losses, RecordBlo
 
 @dataclass
 class Receiver:
-    """One receiver so far, beside what `Losses` counts.
+    """State of one receiver so far, beyond what `Losses` counts.
 
     margin : p . h / |p|, the sine of how far it is within its half of space; NaN where the tracker follows
     it or it has no position.
@@ -49,7 +49,7 @@ class Statistics:
         self._start_ns = self.heard_ns = start_ns
 
     def add(self, block: RecordBlock, received_bytes: int, now_ns: int) -> None:
-        """Count what was decoded of the bytes that came since the last call."""
+        """Count the records decoded since the last call."""
         self.received_bytes += received_bytes
         self.skipped_bytes += sum(skip.size for skip in block.skipped)
         self.heard_ns = now_ns if received_bytes else self.heard_ns
@@ -135,7 +135,7 @@ class Statistics:
 
 
 def _number(value: float | None) -> float | None:
-    """Round for people; JSON knows no NaN."""
+    """Round for display; NaN becomes None, as JSON has no NaN."""
     return None if value is None or not np.isfinite(value) else round(value, 3)
 
 
@@ -180,7 +180,7 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
     fits = []
     for how, items in lists.items():
         choices = [
-            f"{count} receiver{'s'[: count > 1]} at {rate_hz} Hz"
+            f"{count} receiver{'s' if count > 1 else ''} at {rate_hz} Hz"
             for rate_hz in FAMILIES[settings.family].rates_hz
             if (count := int(baud / BITS_PER_BYTE // (record_type(items).itemsize * rate_hz)))
         ]
@@ -223,14 +223,14 @@ def state_line(statistics: Statistics, now: Mapping[str, Any], before: Mapping[s
 
 
 def summary(out: str, reason: str, totals: Mapping[str, Any], notices: Sequence[str] = ()) -> list[str]:
-    """Return the summary: what was kept, of each receiver, and what to know of it."""
+    """Return the summary: what was recorded, by receiver, with notes."""
     text = [f"{out}: ended after {totals['seconds']:.1f} s ({reason})", *totals_table(totals)]
     text += [f"no record at all: {_stretches(totals['silent_s'])}"] if totals["silent_s"] else []
     return text + [f"note: {notice}" for notice in notices]
 
 
 def totals_table(totals: Mapping[str, Any]) -> list[str]:
-    """Return a table of what came, in all and of each receiver."""
+    """Return a table of the records received, in total and by receiver."""
     text = [
         f"{totals['records']} records in {totals['cycles']} cycles; "
         f"{totals['lost_cycles']} frames lost ({totals['lost_frames']} records), "
@@ -249,9 +249,9 @@ def totals_table(totals: Mapping[str, Any]) -> list[str]:
 
 
 def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
-    """Return what was wrong with a recording and can be bettered.
+    """Return advice on faults of a recording that can be remedied.
 
-    A line is too slow where records are missing and bytes are; where bytes are not, something damages them.
+    Where records and bytes are missing the line is too slow; where only records are, bytes are being damaged.
     """
     sentences = []
     missing_percent = 100 * totals["lost_frames"] / max(totals["records"] + totals["lost_frames"], 1)

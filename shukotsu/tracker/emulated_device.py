@@ -1,9 +1,9 @@
 """An emulated LIBERTY or PATRIOT: its settings, its commands, and what it measures. No I/O.
 
-The device lives in cycles: `cycle` is the number of the next one since power-up; time is what its caller
-makes of them. An argument that is left out keeps its value; a command that sets something answers nothing.
-Source: LIBERTY User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented
-and listed in docs/recording.md.
+The device counts cycles: `cycle` is the number of the next one since power-up, and the caller decides when it
+happens. An omitted argument keeps its value; a command that sets something sends no reply. Source: LIBERTY
+User Manual URM03PH156, chapter of commands and reply framing. Behaviour that no manual describes is an
+assumption listed in docs/recording.md.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ PERIOD_CYCLES = 960
 class PlayedMotion:
     """Poses of receivers, a frame a cycle.
 
-    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN where the recording has no pose. loop : begin
-    again after the last frame; otherwise no receiver has a pose from there on. notes : what of the file
-    cannot be played, a sentence each.
+    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN where the recording has no pose. loop : begin again
+    after the last frame; otherwise no receiver has a pose from there on. notes : parts of the file that
+    cannot be played, one sentence each.
     """
 
     stations: tuple[int, ...]
@@ -124,7 +124,7 @@ _CONSTANTS = {"blank": ord(" "), "cr": _CR, "lf": _LF, "button": 0, "distortion"
 
 
 class RefusedError(Exception):
-    """The device does not do it; the argument is the manual's error number."""
+    """The device refuses a command; the argument is the manual's error number."""
 
 
 class EmulatedLiberty:
@@ -163,7 +163,7 @@ class EmulatedLiberty:
 
     @property
     def rate(self) -> Fraction:
-        """Cycles a second; a PATRIOT does not heed the rate command."""
+        """Cycles a second; a PATRIOT ignores the rate command."""
         return Fraction(60 if self.family == "patriot" else RATES_HZ[int(self.numbers[b"R", 0][0])])
 
     @property
@@ -172,7 +172,7 @@ class EmulatedLiberty:
 
     @property
     def whoami(self) -> str:
-        """What it says of itself."""
+        """The device's identification."""
         size = "" if self.family == "patriot" else f" 240/{16 if self.ports > 8 else 8}"
         return f"{self.family.upper()}{size} (emulated), {self.ports} ports, firmware EMU-1, serial EMU0001"
 
@@ -333,7 +333,7 @@ class DeviceSetting:
     per_station: bool = False
 
     def obey(self, device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
-        """Set it, or answer what it is."""
+        """Set the value, or reply with it."""
         values = arguments[1:] if self.per_station else arguments
         answer = b""
         for station in _stations(device, arguments) if self.per_station else [0]:
@@ -344,7 +344,7 @@ class DeviceSetting:
                 body = np.asarray((*numbers, *end), "<f4" if self.allowed is None else "<i4").tobytes()
                 text = self.text * (len(numbers) // self.text.count("%")) % numbers
                 answer += device.reply(code[0], text.rstrip() if code == b"O" else text, body, station)
-            elif self.allowed is None:  # one that is left out keeps its present value
+            elif self.allowed is None:  # an omitted argument keeps its value
                 are_numbers = all(not text or _NUMBER.fullmatch(text) for text in values)
                 read = [
                     float(text or was) if are_numbers else math.nan

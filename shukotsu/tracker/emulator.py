@@ -1,4 +1,4 @@
-"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine; none ever waits."""
+"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine; neither blocks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from shukotsu.tracker.liberty import FULL_LIST
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20
-"""What is kept for a client that reads late; beyond it whole cycles are left out."""
+"""Bytes buffered for a slow client; beyond it whole cycles are dropped."""
 _IDLE_S = 0.02
 """How long to wait for a client at most while nothing is streamed."""
 

@@ -1,4 +1,4 @@
-"""The families of trackers, and how a stream of theirs is to be read: kept with the recording."""
+"""Families of trackers, and the settings by which their streams are decoded, stored with a recording."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Family:
     """A family of trackers.
 
     title : its name for people. rates_hz : frames a second that a user can choose, the usual one first.
-    connectors : receivers that it has at most. remedies : options that make its stream smaller. usb : by
-    vendor and product.
+    connectors : largest number of receivers. remedies : options that reduce its stream. usb : by vendor and
+    product.
     """
 
     title: str
@@ -76,13 +76,13 @@ def check_family(name: str, where: str) -> None:
 
 
 STATIONS = frozenset(range(256))
-"""Numbers that a station's byte can have; no tracker has as many."""
+"""Values of a station's byte; no tracker has as many stations."""
 MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
 
 
 @dataclass(frozen=True)
 class StreamSettings:
-    """Everything that a decoder must know.
+    """Settings of a stream that its decoder needs.
 
     family : a name in FAMILIES; mode : "binary"; unit : of positions in the stream.
     rate_hz : frames a second (of each station). stations : those that were active at the start.

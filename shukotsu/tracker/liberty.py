@@ -2,10 +2,10 @@
 
 An answer has the same header as a record and a length; there is no checksum. A start is a byte where a header
 stands that can be one. It is believed when it follows directly on a good record, when at its end stands
-another start, or when its quaternion has length 1. So garbage between records costs nothing, and a byte that
-is lost or changed costs the record that it was in and no other. Source: LIBERTY User Manual URM03PH156,
-output list command ('O'), tables of output formats, of commands and of errors, reply framing (little-endian,
-8-byte header).
+another start, or when its quaternion has length 1. So garbage between records loses nothing, and a lost or
+changed byte loses only the record that contained it. Source: LIBERTY User Manual URM03PH156, output list
+command ('O'), tables of output formats, of commands and of errors, reply framing (little-endian, 8-byte
+header).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from shukotsu.tracker.records import Bools, Bytes, Decoded, Records, Reply, Whol
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""
 MAX_BODY_BYTES = 2800
-"""The longest reply (a stored configuration) has 2384 bytes; a longer one is none."""
+"""The longest reply (a stored configuration) has 2384 bytes."""
 STREAMED, SINGLE = ord("C"), ord("P")
 """The command byte of a record: while streaming, and in answer to a single poll."""
 STATIONS = range(1, 17)
@@ -48,11 +48,12 @@ ITEMS: dict[int, tuple[tuple[str, ...], str]] = {
     11: (("distortion",), "i4"),
     12: (("sync",), "i4"),
 }
-"""Item -> what its numbers are, in turn, and their NumPy letter in binary."""
+"""Item -> names of its numbers, in order, and their NumPy type codes in binary."""
 MOST_ITEMS = 20
 DEFAULT_LIST = (2, 4, 1)
 FULL_LIST = (8, 9, 11, 10, 12, 3, 7)
-"""What a recorder asks for: both counters, distortion, stylus, sync, position and quaternion; 56 bytes."""
+"""Output list that a recorder requests: both counters, distortion, stylus, sync, position and quaternion; 56
+bytes."""
 SHORT_LIST = (9, 2, 7)
 """Frame count, position and quaternion: 40 bytes, for a line that cannot carry more."""
 
@@ -159,7 +160,7 @@ def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) ->
 
 
 def answers(reply: Reply, setting: Setting, station: int) -> bool:
-    """Whether a reply tells that setting, of that station (0: of none)."""
+    """Whether a reply states that setting of that station (0: of none)."""
     expected = station if setting.per_station else 0
     return reply.command == setting.command[0] and reply.station == expected
 
@@ -185,15 +186,15 @@ _IS_RECORD = np.isin(np.arange(256), [STREAMED, SINGLE])
 _IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
 """Error letters of pose records: none, source failure by axes, BIT errors, outside the mapped area."""
 NO, UNKNOWN, YES = 0, 1, 2
-"""Whether a start is believed; UNKNOWN where more bytes are needed to say."""
+"""Whether a start is accepted; UNKNOWN where more bytes are needed to decide."""
 _MOST = {"frame": None, "device_ms": None, "button": 1, "distortion": 2, "sync": 1}
-"""What a record has beside its pose, and the most that it can be."""
+"""Numbers of a record beside its pose, and their largest valid values."""
 
 
 class BinaryDecoder(protocol.PiecewiseDecoder):
     """Decoder of a LIBERTY or PATRIOT stream in binary; answers to commands count as skipped bytes.
 
-    Raises InputError for output lists that are none.
+    Raises InputError for invalid output lists.
     """
 
     def __init__(self, settings: StreamSettings) -> None:
@@ -284,7 +285,7 @@ class _Walk:
         runs = [np.empty(0, np.int64)]
         believable = np.flatnonzero(self.believed)
         breaks = np.flatnonzero(self._following != np.arange(1, len(self._at) + 1))
-        # Where less than a header is left nothing is decided, not even that no record starts there.
+        # Where less than a header is left, nothing is decided yet.
         shortest = 1 if self._final else HEADER_BYTES
         while self.position + shortest <= self._length:
             index = int(np.searchsorted(self._at, self.position))
@@ -300,9 +301,7 @@ class _Walk:
         return np.concatenate(runs)
 
     def _judge(self, index: int) -> tuple[bool, bool]:
-        """Whether a trusted start is a record that the next in the list does not simply follow; False for
-        the second to wait for more.
-        """
+        """Decide whether a trusted start is a record although the next start does not directly follow it."""
         at, end = int(self._at[index]), int(self._end[index])
         if self._linked[index]:
             self.position = end
@@ -316,7 +315,7 @@ class _Walk:
                 return False, False
             self.position = int(self._at[within[0]])
             return False, True
-        # Either all of it is there, and what follows is garbage or has a damaged header; or it is none.
+        # Either it is complete and followed by garbage or a damaged header, or it is not a record.
         is_record = bool(self._are_good(np.array([index]))[0])
         self.position, self.trusted = end if is_record else at + 1, False
         return is_record, True

@@ -1,9 +1,9 @@
-"""Setting up LIBERTY and PATRIOT, whatever state an earlier program left them in.
+"""Setting up LIBERTY and PATRIOT from any state that an earlier program left.
 
-They keep their settings from one program to the next, and do not answer when something is set. So: stop,
-wake, ask for everything, set what matters, ask again and compare, all in binary. What would last beyond this
-recording, or add up (saved settings, alignment, boresight), is never sent. Source of the commands: LIBERTY
-User Manual URM03PH156.
+They keep their settings between programs and do not acknowledge assignments. Therefore: stop, wake, read all
+settings, set those that matter, read again and compare, all in binary. Commands whose effect would outlast
+this recording or accumulate (saved settings, alignment, boresight) are never sent. Source of the commands:
+LIBERTY User Manual URM03PH156.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class LibertyDriver(TrackerDriver):
         self._switches: dict[int, bool] = {}
 
     def set_up(self) -> StreamSettings:
-        """Identify the tracker, set it up and make sure that it took everything. Raises InputError."""
+        """Identify the tracker, set it up and verify every setting. Raises InputError."""
         whoami = self._find(self._attempt)
         before = self._ask_all()
         stations = self._choose_stations(before["stations"])
@@ -115,19 +115,19 @@ class LibertyDriver(TrackerDriver):
         )
 
     def start(self) -> Mapping[str, Any]:
-        """Set the counters to 0 and have it stream; return the host's time before and after the first."""
+        """Reset the counters and start streaming; return the host's time before and after the reset."""
         before_ns = self._conversation.send(RESET_COUNTERS)
         after_ns = time.perf_counter_ns()
         self._conversation.send(STREAM)
         return {"counters_reset_after_ns": before_ns, "counters_reset_before_ns": after_ns}
 
     def stop(self) -> None:
-        """Have it stop; it sends one more record of each station."""
+        """Stop streaming; the tracker sends one more record of each station."""
         self._conversation.send(POLL)
 
     def _attempt(self) -> tuple[str | None, bytes]:
-        """Stop a stream, have it say anything at all, and ask who it is, in binary."""
-        # What a program that broke off has left of a command would swallow the first poll.
+        """Stop a stream, wait for any reply, and request the identification in binary."""
+        # A partial command left by an aborted program would swallow the first poll.
         before = self._silence(POLL, b"\r" + POLL)
         answer = self._conversation.ask(b"\r", lambda data: data or None, ANSWER_S)
         rest, _ = self._conversation.drain(cap_s=2.0)

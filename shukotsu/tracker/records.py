@@ -58,7 +58,7 @@ class Records:
 
 
 def empty_records(count: int = 0) -> Records:
-    """Return records of which nothing is said yet: numbers NaN, whole numbers NONE, nothing doubtful."""
+    """Return N records without values: numbers NaN, integers NONE, none doubtful."""
     poses = {"position_mm": np.full((count, 3), np.nan), "quaternion": np.full((count, 4), np.nan)}
     zeros = {"error": np.zeros(count, np.int64), "doubtful": np.zeros(count, bool)}
     columns: dict[str, Any] = poses | zeros
@@ -104,14 +104,14 @@ class Decoded:
 
 
 PIECE_BYTES = 1 << 18
-"""Longer pieces are decoded in parts, so that the memory that decoding takes has a bound."""
+"""Longer pieces are decoded in parts, which bounds the memory of decoding."""
 
 
 class PiecewiseDecoder(ABC):
-    """Turns a stream of bytes, given piece by piece, into records; keeps what it cannot decide yet.
+    """Decodes a stream of bytes, piece by piece, into records; keeps bytes that cannot be decoded yet.
 
-    However the stream is cut into pieces, the records, skips and replies in total are the same. Decided is on
-    whole buffers of at most PIECE_BYTES and a rest.
+    The records, skips and replies in total do not depend on how the stream is cut. Decoding works on buffers
+    of at most PIECE_BYTES plus the rest of the one before.
     """
 
     def __init__(self, settings: StreamSettings) -> None:
@@ -120,7 +120,7 @@ class PiecewiseDecoder(ABC):
         self._offset = 0  # of the rest's first byte in the stream
 
     def feed(self, data: bytes | Bytes, *, final: bool = False) -> Decoded:
-        """Decode the next piece; `final` says that nothing follows, so that the rest is decided too."""
+        """Decode the next piece; with `final` nothing follows and the rest is decoded too."""
         piece = data if isinstance(data, np.ndarray) else np.frombuffer(data, np.uint8)
         records: list[Records] = []
         skipped: list[Skipped] = []
@@ -142,7 +142,7 @@ class PiecewiseDecoder(ABC):
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
         """Decode `b`; return what is in it, offsets counted in b, and how many of its bytes are decided.
 
-        What more bytes could change is not decided yet, unless `final` says that none follow.
+        Bytes whose meaning could change with more bytes are kept, unless `final`.
         """
 
 
@@ -160,12 +160,12 @@ def gaps(first: Wholes, last: Wholes, length: int) -> tuple[Skipped, ...]:
 
 
 NORM_TOLERANCE = 1e-3
-FARTHEST_MM = 3048.0
-"""120 inches: no magnetic tracker of this kind sees farther."""
+TRACKER_RANGE_MM = 3048.0
+"""120 inches, beyond the range of any magnetic tracker of this kind."""
 
 
 def doubtful_poses(records: Records) -> Bools:
-    """Whether poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM."""
+    """Whether poses (N,) are impossible: not finite, not a unit quaternion, or beyond the tracker's range."""
     far_mm2 = np.einsum("ij,ij->i", records.position_mm, records.position_mm)
     norm2 = np.einsum("ij,ij->i", records.quaternion, records.quaternion)
-    return np.asarray(~(far_mm2 <= FARTHEST_MM**2) | ~(np.abs(norm2 - 1) <= 2 * NORM_TOLERANCE))
+    return np.asarray(~(far_mm2 <= TRACKER_RANGE_MM**2) | ~(np.abs(norm2 - 1) <= 2 * NORM_TOLERANCE))

@@ -1,7 +1,7 @@
-"""The recording itself: everything that comes goes into the archive, and the rest is for the eyes.
+"""A recording session: all bytes go into the archive; decoding serves only the display.
 
-Three paces: a thread reads and stamps; the loop keeps what came a few times a second and writes it to disk;
-once a second what came is decoded and counted. Only the first must not be late.
+A thread reads and time-stamps; the loop stores the chunks a few times a second; once a second they are
+decoded and counted. Only the thread is time-critical.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DRIVERS = {"liberty": LibertyDriver, "patriot": LibertyDriver, "viper": ViperDri
 TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0
 LAST_BYTES_S, SILENCE_S, CLOCK_JUMP_S = 0.5, 0.3, 0.1
 MOST_WAITING_BYTES = 8 << 20
-"""More is written and decoded before its time, so that memory has a bound whatever comes."""
+"""When more bytes wait, they are stored and decoded at once, which bounds the memory."""
 PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
 
@@ -48,7 +48,9 @@ class RecordingPlan:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a recording ended; failed : before it was asked to. totals : None before the first frame."""
+    """How a recording ended. failed : it ended before a stop was requested. totals : None before the first
+    frame.
+    """
 
     reason: str
     failed: bool
@@ -64,7 +66,7 @@ def record(
     about: Mapping[str, Any],
     utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
 ) -> Ending:
-    """Record a tracker until the time is up, somebody asks for the end, or it cannot go on.
+    """Record a tracker until the time is up, a stop is requested, or it cannot continue.
 
     Raises InputError where nothing could be recorded; then there is no archive either.
     """
@@ -77,7 +79,7 @@ def record(
             settings = driver.set_up()
             display.check_line(settings, port.line_baud, port.name)
             archive.flush()
-        except BaseException as error:  # no file stays where there is no frame
+        except BaseException as error:  # a recording without a frame leaves no file
             archive.discard()
             if isinstance(error, StoppedError):
                 return Ending(stop.reason, False, None)
@@ -104,7 +106,7 @@ def record(
 
 @dataclass
 class _Session:
-    """From the first frame to the last."""
+    """The recording from its first frame to its last."""
 
     _plan: RecordingPlan
     _conversation: Conversation
@@ -142,7 +144,7 @@ class _Session:
             time.sleep(TICK_S)
             self._keep()
             clock_s = (self._utc_offset_ns() - self._offset_ns) * 1e-9
-            if abs(clock_s) > CLOCK_JUMP_S:  # somebody set it, which the monotonic time of rows does not know
+            if abs(clock_s) > CLOCK_JUMP_S:  # the clock was set
                 self._offset_ns += round(clock_s * 1e9)
                 self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=clock_s)
                 self._notice(
@@ -173,7 +175,7 @@ class _Session:
             self._fail(PORT_GONE, str(error))
 
     def _over(self) -> bool:
-        """Whether to end; the failure that made it so is kept."""
+        """Whether to end; a failure is stored as the reason."""
         duration_s, elapsed_ns = self._plan.duration_s, time.perf_counter_ns() - self._start_ns
         if duration_s is not None and elapsed_ns * 1e-9 >= duration_s:
             self._stop.ask(f"--duration {duration_s:g}")
@@ -193,7 +195,7 @@ class _Session:
             self._fail(DISK_FULL, error.strerror or str(error))
 
     def _keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Keep what came, note what came faster than that, and have it decoded for the eyes."""
+        """Store the chunks received, note dropped bytes, and decode for the display."""
         chunks = self._conversation.keep(wait_s)
         if not self._view_failed:
             for chunk in chunks:
@@ -210,19 +212,19 @@ class _Session:
         return chunks
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do something for the eyes: a fault in it is reported, ends the view, and never costs a byte."""
+        """Run a step of the display; an error is reported and ends the display, but no byte is lost."""
         if self._view_failed:
             return
         try:
             work()
-        except Exception as error:  # a fault of the view, whatever it is
+        except Exception as error:  # any error of the display
             self._view_failed = True
             reason = f"{type(error).__name__}: {error}"
             self._archive.event("view-failed", time.perf_counter_ns(), reason=reason)
             self._notice(f"the view has failed ({reason}); every byte is still recorded")
 
     def _look(self) -> None:
-        """Count what came since the last look, and print how things stand."""
+        """Count the records since the last call and print the state."""
         self._count(final=False)
         for receiver, from_s, to_s in self._statistics.silences[self._announced :]:
             if receiver == 0:
@@ -253,7 +255,7 @@ class _Session:
         self._printer.say(f"note: {text}")
 
     def _end(self) -> Ending:
-        """Stop the tracker, keep its last bytes, close the archive."""
+        """Stop the tracker, store its last bytes, close the archive."""
         gone = self._conversation.gone
         end_ns = gone[1] if gone else time.perf_counter_ns()
         self._archive.event("stopped", end_ns)
@@ -279,7 +281,7 @@ class _Session:
         return Ending(reason, bool(self._failure), totals, tuple(self._notices))
 
     def _keep_last(self) -> None:
-        """Keep what still comes until the tracker is silent; what comes in a flood is no last bytes."""
+        """Store bytes until the tracker is silent; give up where it does not stop streaming."""
         heard = start = now = time.perf_counter()
         dropped = self._conversation.dropped_bytes
         while now - start < LAST_BYTES_S and now - heard < SILENCE_S:
@@ -293,7 +295,7 @@ class _Session:
 STREAM_S = 2.0
 
 VALUE_NAMES = {"units": {0: "inch", 1: "cm"}, "rate": {3: "120 Hz", 4: "240 Hz"}}
-"""Setting -> what its number stands for."""
+"""Setting -> meaning of its numbers."""
 
 
 def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[str]:

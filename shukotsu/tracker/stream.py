@@ -1,4 +1,4 @@
-"""The archive as blocks of records, counters unwrapped, arrivals stamped; the one count of what is lost."""
+"""An archive as blocks of records with unwrapped counters and arrival times; counting of lost records."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from shukotsu.tracker.records import (
 from shukotsu.tracker.viper_decoder import ViperDecoder
 
 LONGEST_GAP_S = 86_400.0
-"""A count or clock that jumps by more than a day was not running: it was set anew."""
+"""A counter or clock that jumps by more than a day was reset."""
 BLOCK_BYTES = 4 << 20
 DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDecoder}
 
@@ -161,7 +161,7 @@ class ChunkDecoder:
         self._arrivals: list[int] = []
 
     def add(self, data: bytes, host_ns: int) -> None:
-        """Take a chunk and the host's time [ns] at which it had come."""
+        """Add a chunk and the host's time [ns] of its arrival."""
         self._waiting.append(data)
         self.waiting_bytes += len(data)
         self._length += len(data)
@@ -169,7 +169,7 @@ class ChunkDecoder:
         self._arrivals.append(host_ns)
 
     def decode(self, *, final: bool) -> RecordBlock:
-        """Decode the chunks that wait; `final` says that none follow, so that the rest is decided too."""
+        """Decode the waiting chunks; with `final` none follow and the rest is decoded too."""
         decoded = self._decoder.feed(b"".join(self._waiting), final=final)
         self._waiting, self.waiting_bytes = [], 0
         records = decoded.records
@@ -186,7 +186,9 @@ class ChunkDecoder:
 
 
 class Counter:
-    """Numbers the records of one stream, piece by piece, and holds back those that later ones decide."""
+    """Assigns frame numbers to the records of one stream, piece by piece; holds back those that need later
+    records.
+    """
 
     def __init__(self, settings: StreamSettings) -> None:
         self._settings = settings
@@ -199,7 +201,9 @@ class Counter:
         self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good one
 
     def number(self, records: Records, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
-        """Return the records that can be numbered, their arrivals, and which do not fit their neighbours."""
+        """Return the records that can be numbered, their arrival times, and which contradict their
+        neighbours.
+        """
         records = concatenate_records([self._held, records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
         odd = np.zeros(len(records), bool)
@@ -230,7 +234,7 @@ class Counter:
             frame[good] = (frame[0] if earlier else counter[good[0]]) + np.cumsum(step)
             last = good[-1]
             self._last = (int(counter[last]), int(frame[last]), int(station[last]))
-        # A count that is damaged takes that of the record before, for something must stand there.
+        # A damaged counter is replaced by that of the record before as a placeholder.
         return np.asarray(np.maximum.accumulate(frame)[earlier:])
 
     def _misfits(self, counter: Wholes, station: Wholes, earlier: int) -> Bools:
@@ -274,16 +278,16 @@ class Counter:
 
 
 def _signed_difference(difference: Wholes) -> Wholes:
-    """Return differences of 32-bit counts, the short way round."""
+    """Return signed differences of 32-bit counters, modulo 2^32."""
     return (difference + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
 
 ABSENT_S = 1.0
-"""A receiver that others outlive by more was unplugged (it takes about a second to be found again)."""
+"""A receiver that is silent for longer while others send was unplugged (detection takes about a second)."""
 JITTER_S = 0.1
-"""Arrivals are so much apart though nothing is lost."""
+"""Arrivals may be this far apart without loss."""
 STOP_FRAMES = 2
-"""A stop cuts the cycle in which it comes, and some trackers answer it with a last frame so much later."""
+"""A stop cuts the current cycle; some trackers then send a last frame up to this many frames later."""
 NOTHING, NO_ROWS = np.empty(0, np.int64), np.empty((3, 0), np.int64)
 
 
@@ -313,7 +317,7 @@ class Losses:
         self._limit = max(1, round(ABSENT_S * settings.rate_hz))
         self._newest = NO_ROWS
         self._recent = NOTHING  # frames of the last cycles, which may still turn out to be partial
-        self._lacking = np.empty(0, bool)  # which of these are so by now
+        self._lacking = np.empty(0, bool)  # those already known to be partial
         self._partial_cycles = 0
 
     @property
@@ -366,7 +370,7 @@ class Losses:
         self._lacking = np.append(self._lacking, np.zeros(new, bool))
         self.cycles += new
         gaps = [self._gaps(0, self.all, rows)]
-        end = rows[:, -1:] if final else NO_ROWS  # a cycle that is cut lacks nothing
+        end = rows[:, -1:] if final else NO_ROWS  # records missing from a cut cycle are not lost
         for number in sorted({*station.tolist(), *(self.stations if final else ())}):
             heard = self.stations.setdefault(number, Heard(self.first_frame - 1, -1, self.first_ns))
             gaps.append(self._gaps(number, heard, rows[:, station == number], end))

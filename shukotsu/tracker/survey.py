@@ -1,8 +1,8 @@
-"""An archive in two passes: what is lost or doubtful, and the clock; then records with time and flags.
+"""An archive in two passes: losses, doubtful records and the clock; then records with times and flags.
 
-All that a record is flagged with comes from the first, so that it does not matter where blocks end. Device
-time: the frame counter is the clock, and the host's clock is fitted to it. Bytes arrive late and never early,
-so the fitted line is the one below all arrivals that is closest to them on average, an edge of their hull.
+All flags follow from the first pass and therefore do not depend on block boundaries. Device time: the frame
+counter is the clock, and the host's clock is fitted to it. Bytes arrive late and never early, so the fitted
+line is the one below all arrivals with the least mean distance, an edge of their convex hull.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from shukotsu.tracker.records import Array, Bools, Records, Wholes
 from shukotsu.tracker.stream import JITTER_S, Losses, RecordBlock, Tally, blocks_of
 
 SHORTEST_FIT_S = 30.0
-"""Below this the delays' scatter moves the slope by more than a crystal is off (about 1e-4)."""
+"""Below this, the scatter of delays exceeds the typical error of a crystal (about 1e-4) in the slope."""
 LARGEST_DRIFT = 2e-3
 """A device whose rate is farther from the nominal one than this does not run at that rate."""
 FLAGS = {
@@ -36,7 +36,7 @@ FLAGS = {
 BIT = {flag: np.uint16(1 << bit) for bit, flag in enumerate(FLAGS)}
 
 UNUSABLE = ("doubtful", "out-of-order")
-"""Records of which not even the station and frame can be believed."""
+"""Records whose station and frame number are unreliable."""
 SOURCE_FAILURES = b"abcdefgABCDEFG"
 
 
@@ -80,7 +80,7 @@ def _slope_below(x: Array, y: Array) -> float:
     """Return the slope of the line below all points with the least mean distance, x ascending, (N,) each."""
     hull: list[int] = []
     late = y - x
-    second = np.floor(x).astype(np.int64)  # of each only the least late can be an edge that matters
+    second = np.floor(x).astype(np.int64)  # only the earliest arrival of each can lie on the hull
     edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1)).tolist()
     for start, stop in itertools.pairwise([*edges, len(x)]):
         point = int(start + np.argmin(late[start:stop]))
@@ -214,11 +214,11 @@ def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords
 
 
 NAMED_PLACES, CLOCK_JUMP_S = 3, 0.1
-"""Places of a kind that are named (more are counted); the host's clock was moved by more."""
+"""Number of places named per kind (others are counted), and the least reported jump of the host's clock."""
 
 
 def findings(survey: Survey) -> list[str]:
-    """Return a sentence for everything that is not as it should be; none for a faultless recording."""
+    """Return a sentence for each fault; none for a faultless recording."""
     return [*_lost(survey), *_damage(survey)]
 
 
@@ -229,7 +229,7 @@ def _at(survey: Survey, frame: int) -> str:
 
 
 def _lost(survey: Survey) -> Iterator[str]:
-    """Format what the file, all receivers and each of them lack."""
+    """Describe what is missing: in the file, for all receivers, and for each."""
     tally = survey.tally
     if survey.clock is None:
         yield "the tracker sent no pose record"
@@ -270,7 +270,9 @@ def _lost(survey: Survey) -> Iterator[str]:
 
 
 def _damage(survey: Survey) -> Iterator[str]:
-    """Format what is no record or cannot be right, what the tracker reported, and clocks that are off."""
+    """Describe undecodable bytes, impossible records, errors reported by the tracker, and clocks that
+    deviate.
+    """
     if survey.skipped:
         _, sizes, frames = np.array(survey.skipped).T
         yield (

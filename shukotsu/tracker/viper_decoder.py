@@ -20,7 +20,7 @@ COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
 LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
 SENSORS = 16
 MAX_FRAME_BYTES = 4096
-"""Longer than any reply; a count beyond it is a damaged one."""
+"""Longer than any reply; a larger count is damaged."""
 SET, GET, RESET, ACKNOWLEDGED, REFUSED, WARNED = range(6)
 """What a command asks for, or how it was answered."""
 SINGLE, CONTINUOUS = 18, 19
@@ -61,8 +61,8 @@ class ViperDecoder(protocol.PiecewiseDecoder):
     """Decoder of a VIPER stream.
 
     The bytes before a frame's first sensor count as that sensor's record, the CRC field as the last one's.
-    Units travel in every record, so nothing of the settings is needed. A pose frame without sensors is a
-    reply of CONTINUOUS. Station is sensor + 1; virtual sensors have stations beyond 128 and are doubted.
+    Every record states its units, so no setting is needed. A pose frame without sensors is a reply of
+    CONTINUOUS. Station is sensor + 1; virtual sensors have stations beyond 128 and are marked doubtful.
     """
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
@@ -182,7 +182,7 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
         if accelerated.any():  # four whole numbers of orientation, then four of acceleration
             wholes = np.ascontiguousarray(orientation[accelerated]).view("<i2")[:, :4]
             quaternion[accelerated] = wholes / _FULL_SCALE
-        quaternion[info >> 10 & 3 != _QUATERNION] = np.nan  # angles, which no recorder asks for
+        quaternion[info >> 10 & 3 != _QUATERNION] = np.nan  # Euler angles, which this recorder never requests
         records.quaternion[:] = quaternion
         records.doubtful[:] = doubtful_poses(records) | (records.station > SENSORS)
     return records

@@ -1,7 +1,7 @@
 """Setting up a VIPER: frames of commands, each answered; all sensors come in one frame.
 
-What is set here lasts until the tracker is switched off, for nothing is stored. Source: Polhemus VIPER
-interface header.
+Settings last until the tracker is switched off; none is stored in it. Source: Polhemus VIPER interface
+header.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ class ViperDriver(TrackerDriver):
         return StreamSettings("viper", "binary", "cm", rate_hz, stations, {}, hemisphere, options)
 
     def start(self) -> Mapping[str, Any]:
-        """Set the frame count to 0 and have it stream."""
+        """Reset the frame counter and start streaming."""
         frame = command_frame(CONTINUOUS, SET, payload=struct.pack("<i", 0))
         return {"sent_ns": self._conversation.send(frame)}
 
     def stop(self) -> None:
-        """Have it stop."""
+        """Stop streaming."""
         self._conversation.send(command_frame(CONTINUOUS, viper.RESET))
 
     def _attempt(self) -> tuple[str | None, bytes]:
@@ -121,7 +121,7 @@ def _same(key: Key, read: bytes, sent: bytes) -> bool:
     """Whether a setting is what was sent; of a filter that is off only the level counts."""
     if key[0] == FILTER:
         return read[:4] == sent[:4]
-    if key[0] == HEMISPHERE and sent[0]:  # it follows the sensor: its vector is of the moment
+    if key[0] == HEMISPHERE and sent[0]:  # it follows the sensor, so its vector changes
         return bool(read) and bool(read[0] & 1)
     return read == sent
 

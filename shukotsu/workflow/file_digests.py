@@ -1,4 +1,4 @@
-"""Know files by what is in them: their SHA-256, kept between runs under what the file system says of each."""
+"""Files identified by the SHA-256 of their content, cached between runs by file-system state."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ CACHE = Path(".snakemake", "shukotsu-files.json")
 STAMP = ".snakemake_timestamp"
 """Snakemake's file in a folder that is an output: its time is the folder's."""
 SETTLED_NS = 60 * 10**9
-"""A file that changed less than this before it was read is read again: where a file system counts in
-seconds, or by another computer's clock, one more change may leave its times as they are."""
+"""A file that changed less than this before it was read is read again, since a further change may not alter
+its times where the file system's clock is coarse or another computer's."""
 
 
 def program_digest(root: Path = ROOT) -> str:
@@ -35,7 +35,7 @@ def program_digest(root: Path = ROOT) -> str:
 
 
 class FileDigests:
-    """SHA-256 of files, read where the file system says that they changed since they were read last."""
+    """SHA-256 of files; a file is read again only if its file-system state has changed."""
 
     def __init__(self, cache: Path = CACHE) -> None:
         self._cache = cache
@@ -45,7 +45,7 @@ class FileDigests:
         self._last_run: dict[str, dict[str, str]] = {}
         with suppress(
             OSError, ValueError, TypeError, AttributeError, RecursionError
-        ):  # of any other shape: as if there were none
+        ):  # of another structure: treated as absent
             digests, runs = json.loads(cache.read_text("utf-8"))
             self._digests = {
                 path: ([*state], int(at_ns), digest) for path, (state, at_ns, digest) in digests.items()
@@ -53,12 +53,12 @@ class FileDigests:
             self._last_run = {study: dict(contents) for study, contents in runs.items()}
 
     def of(self, paths: Iterable[str]) -> str:
-        """Digest of the names and the contents of files."""
+        """Digest of names and contents of files."""
         contents = {path: self.sha256(path) for path in paths}
         return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
     def sha256(self, path: str) -> str:
-        """Digest of what is in a file; where it cannot be read, the reason, which its reader will say too."""
+        """SHA-256 of a file's content, or the reason why it cannot be read, which its reader will report."""
         if path not in self._read:
             try:  # a pipe would never end
                 self._read[path] = self._digest(path) if Path(path).is_file() else "no file"
@@ -76,16 +76,16 @@ class FileDigests:
         return digest
 
     def content(self, path: str) -> str:
-        """Digest of what is in a file, or in all files below a folder but Snakemake's own."""
+        """Digest of a file, or of all files below a folder except Snakemake's own."""
         if not Path(path).is_dir():
             return self.sha256(path)
         files = (file for file in Path(path).rglob("*") if file.is_file())
         return self.of(file.as_posix() for file in files if file.name != STAMP)
 
     def changes(self, study: str, contents: Mapping[str, str]) -> list[str]:
-        """Return names whose content is another than in the study's last run, or new or gone; none before.
+        """Return which inputs changed, appeared or vanished since the study's last run; store their state.
 
-        What the study is made from as it runs now is kept.
+        Before the first run none has changed.
         """
         before = self._last_run.get(study, contents)
         self._last_run[study] = dict(contents)
@@ -94,8 +94,8 @@ class FileDigests:
         return [name for name in {**contents, **before} if before.get(name) != contents.get(name)]
 
     def save(self) -> None:
-        """Keep what was read, if anything was."""
+        """Store the digests, if any is new."""
         if self._has_new:
             digests = {path: entry for path, entry in self._digests.items() if Path(path).exists()}
-            with suppress(OSError, InputError):  # a folder that cannot be written to costs time, and no more
+            with suppress(OSError, InputError):  # not writable: the next run reads files again
                 write_text(self._cache, json.dumps([digests, self._last_run], sort_keys=True))

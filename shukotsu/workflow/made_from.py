@@ -1,10 +1,9 @@
-"""What Snakemake noted of every output, kept with the results: copies lose its notes, people delete them.
+"""Snakemake's records of every output, stored with the results, since copies lose them and users delete them.
 
-The end of a run writes beside the logs, for every job, what Snakemake compares (inputs, params, command),
-and of each output its time and the SHA-256 of its content. Before the next run decides what to make, outputs
-are held against that. Where the content is as it was, notes and times that were lost are put back, and
-Snakemake finds what differs from what would be made now. What is not as a run left it gets a note that equals
-nothing.
+At its end a run stores for every job what Snakemake compares (inputs, params, command), and the time and
+SHA-256 of each output. Before the next run decides what to make, outputs are compared with these records.
+Where the content is unchanged, lost records and times are restored, and Snakemake decides as usual. An output
+that differs from what a run left gets a record that matches no job.
 """
 
 from __future__ import annotations
@@ -26,19 +25,19 @@ from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
 
 COMPARED = {"rule", "input", "params", "code", "software_stack_hash", "record_format_version"}
-"""Fields of Snakemake's note that it compares with a job of now."""
+"""Fields of Snakemake's record that it compares with the present job."""
 NOT_AS_MADE = ["this file is not as a run left it"]
-"""Params of a note that equals nothing."""
+"""Params of a record that matches no job."""
 INSTALLED = {"<python>": sys.executable, "<config>": str(CONFIG_FOLDER)}
-"""What stands for paths of this installation where notes are kept."""
+"""Placeholders in stored records for paths of this installation."""
 SAME_TIME_S = 1e-5
-"""Times that went through a number with a fraction differ by less."""
+"""Largest difference of equal times, due to rounding."""
 
 
 def recall(
     kept: Path, outputs: Collection[str], outdated: Collection[str], digests: FileDigests
 ) -> list[str]:
-    """Put lost notes and times of outputs back; return those that are not as a run left them."""
+    """Restore lost records and times of outputs; return outputs that were changed after a run."""
     memory = FilePersistence()
     entries = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
     spoiled = []
@@ -47,7 +46,7 @@ def recall(
         is_marked = note is not None and note.params == NOT_AS_MADE
         job, digest, time_s = entries.get(path, ({}, "", None))
         if not Path(path).exists() or (note is not None and not is_marked and note.endtime != time_s):
-            continue  # made since, or never kept: Snakemake knows more
+            continue  # made since, or never stored: Snakemake's own record is newer
         if digests.content(path) == digest and path not in outdated:
             if note is None or is_marked or note.input != job["input"]:  # the installation moved
                 compared = {name: job[name] for name in COMPARED}
@@ -55,7 +54,7 @@ def recall(
             stamp = Path(path, STAMP)  # a folder's time is that of Snakemake's file in it
             carrier = stamp if stamp.exists() else Path(path)
             if abs(carrier.stat().st_mtime - time_s) > SAME_TIME_S:
-                with suppress(OSError):  # somebody else's: it is made anew at most
+                with suppress(OSError):  # owned by another user; at worst it is made again
                     os.utime(carrier, (time_s, time_s))
             continue
         spoiled.append(path)
@@ -67,7 +66,7 @@ def recall(
 
 
 def keep(kept: Path, workflow: Any) -> None:
-    """Write down what Snakemake noted of the outputs that its jobs have made since this was done last."""
+    """Store Snakemake's records of all outputs made since the last call."""
     jobs, digests = _read(kept), FileDigests()
     times = {path: time_s for job in jobs for path, (_, time_s) in job["outputs"].items()}
     for job in workflow.dag.jobs:
@@ -77,7 +76,7 @@ def keep(kept: Path, workflow: Any) -> None:
             for path, note in notes.items()
             if note is not None and note.params != NOT_AS_MADE and note.endtime not in (None, times.get(path))
         }
-        if new and job.rule.name != "plan":  # which is held against the study itself
+        if new and job.rule.name != "plan":  # plans are compared with the study itself
             for former in jobs:
                 former["outputs"] = {path: e for path, e in former["outputs"].items() if path not in new}
             outputs = {path: [digests.content(path), note.endtime] for path, note in new.items()}
@@ -86,13 +85,13 @@ def keep(kept: Path, workflow: Any) -> None:
     text = ",\n".join(json.dumps(job, ensure_ascii=False) for job in there)
     for name, path in INSTALLED.items():
         text = text.replace(path, name)
-    with suppress(OSError, InputError):  # without it results are made anew where Snakemake's notes are lost
+    with suppress(OSError, InputError):  # serves only if Snakemake loses its records
         write_text(kept, f"[\n{text}\n]\n")
     digests.save()
 
 
 def _read(kept: Path) -> list[dict[str, Any]]:
-    """Return the jobs that are kept; none where the file is absent, damaged or of any other shape."""
+    """Return the stored jobs; none where the file is absent or damaged."""
     try:
         text = kept.read_text("utf-8")
         for name, path in INSTALLED.items():

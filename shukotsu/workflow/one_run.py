@@ -1,6 +1,7 @@
-"""One run of a study at a time, by a lock of the system that ends with its process; and why a job failed.
+"""Allow one run of a study at a time, by a system lock; report why a job failed.
 
-Snakemake's own lock outlives a run that was killed; the profiles that ship leave it out (`nolock`).
+The system releases its lock when the process ends. Snakemake's own lock remains after a killed run, so the
+shipped profiles switch it off (`nolock`).
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from shukotsu.errors import InputError, on_one_line
 
 FOLDER = Path(".snakemake")
 HANDED = "SHUKOTSU_HELD"
-"""Environment variable: the number of the lock's file, which `shukotsu run` holds and hands to Snakemake."""
+"""Environment variable: descriptor of the lock file, which Snakemake inherits from `shukotsu run`."""
 _held: dict[Path, TextIO] = {}
-"""By their paths; open as long as this process lives."""
+"""Lock files by path; they stay open until this process ends."""
 
 
 def hold(results: Path) -> TextIO | None:
-    """Hold the study with that results folder until this process ends; return the lock's file.
+    """Lock a study's results folder until this process ends; return the lock file.
 
-    Raises InputError where another run holds it. Where there are no locks, none does. A process that is
-    handed the file holds it too, and is the one that is named from then on.
+    Raises InputError where another run holds the lock. A file system without locks allows any run. A process
+    that inherits the file holds the lock as well, and is named in it from then on.
     """
     import fcntl
 
@@ -40,7 +41,7 @@ def hold(results: Path) -> TextIO | None:
         path.parent.mkdir(exist_ok=True)
         handed = os.environ.pop(HANDED, None)
         file = os.fdopen(int(handed), "a+") if handed else path.open("a+", encoding="utf-8")
-    except OSError:  # a folder that cannot be written to: Snakemake says so
+    except OSError:  # Snakemake reports that the folder is not writable
         return None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -61,7 +62,7 @@ def hold(results: Path) -> TextIO | None:
 
 
 def refuse_unwritable(paths: Iterable[str | Path]) -> None:
-    """Raise InputError where one of the files or folders may not be written, replaced or made."""
+    """Raise InputError where one of the files or folders cannot be written, replaced or created."""
     refused: set[Path] = set()
     for path in map(Path, paths):
         above = next(folder for folder in path.parents if os.path.lexists(folder))
@@ -79,22 +80,22 @@ def refuse_unwritable(paths: Iterable[str | Path]) -> None:
 
 COMMAND_FAILED = "RuleException:\nCalledProcessError"
 FULL_BYTES = 1 << 16
-"""A disk with less room is full."""
+"""A disk with less free space counts as full."""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class FailedJobs(logging.Filter):
-    """Adds to Snakemake's messages why a job failed; ends the run with 2 where outputs may not be written."""
+    """Add to Snakemake's messages why a job failed; exit with 2 where outputs cannot be written."""
 
     def __init__(self, workflow: Any, results: Path) -> None:
         super().__init__()
         self.workflow, self.results = workflow, results
         self.is_full = False
         self.began_s = time.time() - 0.1  # times of files are by a coarser clock
-        logging.raiseExceptions = False  # a log that a full disk takes no more is not named line by line
+        logging.raiseExceptions = False  # on a full disk, every line of a log would cause an error message
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether Snakemake is to print a message; its reports of failed jobs it leaves out by itself."""
+        """Return whether Snakemake should print a message; its own reports of failed jobs are replaced."""
         event, details = str(getattr(record, "event", "")), record.__dict__
         if event.endswith("group_error"):
             self._print(record, f"jobs of group {details['groupid']} failed", details["aux_logs"])
@@ -113,7 +114,7 @@ class FailedJobs(logging.Filter):
         return not text.startswith(COMMAND_FAILED)
 
     def _print_job(self, record: logging.LogRecord) -> None:
-        """Print why a job failed; nothing of a job of a group that did not, or was not begun."""
+        """Print why a job failed; print nothing for jobs of its group that succeeded or never began."""
         details: dict[str, Any] = record.__dict__
         dag = self.workflow.dag
         message = next(job.message for job in dag.jobs if dag.jobid(job) == details["jobid"])
@@ -130,20 +131,20 @@ class FailedJobs(logging.Filter):
 
 
 def reason(log: Path, outputs: list[str]) -> str:
-    """Return the last line of a job's log, which says why it failed; of a full disk where it holds none."""
+    """Return the last line of a job's log, which states the reason, or that the disk is full."""
     text = log.read_text("utf-8", "replace").strip() if log.exists() else ""
     if text:
         last = on_one_line(text.splitlines()[-1].removeprefix("error: "))
         return f"internal error: {last}" if "Traceback (most" in text else last
     folder = next(path for path in log.parents if path.exists())
-    disk = os.statvfs(folder)  # some file systems count no files
+    disk = os.statvfs(folder)  # some file systems do not count files
     if disk.f_bavail * disk.f_frsize < FULL_BYTES or (disk.f_files and not disk.f_favail):
         return f"{outputs[0]}: cannot be written (No space left on device); make room and run again"
     return ""
 
 
 def refuse(workflow: Any, results: Path) -> None:
-    """End the run with 2 where another one holds the study, or an output or log to do may not be written."""
+    """Exit with 2 where another run holds the study, or an output or log cannot be written."""
     with ending_in_a_sentence():
         hold(results)
         refuse_unwritable(path for job in workflow.dag.needrun_jobs() for path in (*job.output, *job.log))
@@ -151,7 +152,7 @@ def refuse(workflow: Any, results: Path) -> None:
 
 @contextmanager
 def ending_in_a_sentence() -> Iterator[None]:
-    """End the run with 2 for an InputError, which Snakemake would take for a bug."""
+    """Exit with 2 on an InputError, which Snakemake would report as a bug."""
     try:
         yield
     except InputError as error:

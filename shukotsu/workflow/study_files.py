@@ -1,4 +1,4 @@
-"""The Snakefile asks for the files that jobs read and write, and for what they use of the plan."""
+"""Inputs and outputs of the Snakefile's jobs, and the parts of the plan that they use."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
 
 DEMO = Path("config", "demo.yaml")
-"""The study of a run that names none."""
+"""Study of a run that names none."""
 
 EXPORTED = ("sub-", "bids", "tables")
-"""How names of exports begin, in the folders that they are made and collected in."""
+"""Start of the file names of exports."""
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
 
 
 class StudyFiles:
-    """One study, asked by the wildcards of a job.
+    """Paths, options and digests of a study, by the wildcards of a job.
 
     options : say which study a job is of. subjects : plans of every subject in every session, in the sheet's
     order. simulated, streamed, simulated_truth : a simulated recording, as its tracker's raw capture, and its
@@ -81,7 +81,7 @@ class StudyFiles:
             for layout in plan.layouts.values()
             for name, model in plan.models.items()
         ]
-        if reasons and all(reasons):  # a model that can be taken for no hand is a problem of the study
+        if reasons and all(reasons):  # a model that applies to no hand is an error in the study
             raise InputError(f"{self.file}: models: {reasons[0]}")
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         if self.study.language != "en":  # at once, not after hours of computing
@@ -115,7 +115,7 @@ class StudyFiles:
         self._name_results()
 
     def _name_results(self) -> None:
-        """Name what the whole study has beside the tables of its subjects."""
+        """Set the paths of the results that belong to the whole study."""
         paths, study, whose = self.results, self.study, self.study.sessions
         self.kept = paths.folder / "logs" / "made_from.json"
         self.plans = [str(paths.plan(*who)) for who in whose]
@@ -136,7 +136,7 @@ class StudyFiles:
         self.export_folders += [str(paths.tidy_tables)] if "csv" in study.exports else []
 
     def what_changed(self) -> str:
-        """Format what changed since the study ran last and is made again, or empty; kept for the next run."""
+        """Describe the inputs that changed since the last run, if any; store their present state."""
         files = {
             token: [*self._event_files(token), *(p for r in plan.recordings for p in self._files_of(r))]
             for token, plan in self._plans.items()
@@ -153,23 +153,23 @@ class StudyFiles:
         return f"changed since the last run: {list_names(named)}; results made again: {whose}the study's"
 
     def remove_former(self) -> str:
-        """Remove results that the study has no longer; return whose, empty where there are none."""
+        """Remove results that no longer belong to the study; return a text that names whose, if any."""
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders, *self.exports}
         former = remove_former_results(self.results, present)
         return f"removed results of what the study has no longer: {list_names(former)}" if former else ""
 
     def what_is_not_as_made(self) -> str:
-        """Format which results are not as a run left them and are made anew; empty where there are none.
+        """Describe which results were changed after a run and are made again, or return an empty text.
 
-        What Snakemake has lost of its notes is put back. A plan that is not as the study says is written as a
-        run begins, which takes a job: the study's tables.
+        Snakemake's lost records are restored. An outdated plan is rewritten when a run begins, which needs at
+        least one job: the study's tables.
         """
-        from shukotsu.workflow.made_from import recall  # and Snakemake: who only reads a study has no need
+        from shukotsu.workflow.made_from import recall  # imports Snakemake, often not needed
 
         tables = [self.results.resolved.as_posix()] if self._changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
         spoiled: list[str] = []
-        with suppress(OSError):  # a folder that cannot be written to: Snakemake says so
+        with suppress(OSError):  # Snakemake reports that the folder is not writable
             outputs = [path for path in self.outputs if path not in self.plans]
             spoiled = recall(self.kept, [*outputs, *simulated], tables, self._digests)
         folder = f"{self.results.folder.as_posix()}/"
@@ -177,23 +177,23 @@ class StudyFiles:
         return f"not as a run left them, and made anew: {list_names(named)}" if named else ""
 
     def _changed_plans(self) -> dict[Path, str]:
-        """Return the texts of plans that say something else than the study, by path."""
+        """Return the new texts of plans that no longer match the study, by path."""
         texts = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
         return {path: t for path, t in texts.items() if path.is_file() and path.read_bytes() != t.encode()}
 
     def write_changed_plans(self) -> None:
-        """Write plans anew that say something else than the study; Snakemake asks no job for it."""
+        """Rewrite plans that no longer match the study; this is no job of Snakemake's."""
         for path, text in self._changed_plans().items():
             write_text(path, text)
 
     # --- of one subject -----------------------------------------------------------------------------------
 
     def subject(self, wildcards: Wildcards) -> SubjectSession:
-        """The subject and session of which the wildcard `subject` is the form that stands in paths."""
+        """Return the subject and session for the wildcard `subject`, which is their form in paths."""
         return self._plans[wildcards.subject].who
 
     def subject_options(self, wildcards: Wildcards) -> str:
-        """Options that say whose a job is."""
+        """Options that name a job's subject and session."""
         who = self.subject(wildcards)
         session = [f"--session={who.session}"] if who.session else []
         return shlex.join([f"--subject={who.subject}", *session])
@@ -201,7 +201,7 @@ class StudyFiles:
     def resources(
         self, minutes: int, minutes_a_gb: int, most_mb: int = 1200
     ) -> dict[str, Callable[[Wildcards], int]]:
-        """What a subject's job asks for, by its recordings' size, where they are; most_mb : of memory."""
+        """Resources of a subject's job by the size of its recordings; most_mb : limit of memory, MB."""
 
         def gb(wildcards: Wildcards) -> float:
             recordings = self._plans[wildcards.subject].recordings
@@ -218,59 +218,59 @@ class StudyFiles:
         return plan_digest(self._contents[wildcards.subject])
 
     def recordings_plan(self, wildcards: Wildcards) -> str:
-        """Digest of what the subject's plan says of its recordings."""
+        """Digest of the recordings in the subject's plan."""
         return plan_digest(recordings_part(self._contents[wildcards.subject]))
 
     def simulated_recording(self, wildcards: Wildcards) -> list[str]:
-        """The recording's file where the workflow makes it."""
+        """File of a recording that the workflow simulates."""
         recording = self._recording(wildcards)
         return [path for path in [_relative(recording.file)] if path in self._made_for(recording)]
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
-        """The user's files that a recording is read from, those that are there and can be declared."""
+        """Existing user files that a recording is read from, as far as Snakemake accepts their names."""
         return _declarable(self._files_of(self._recording(wildcards)))
 
     def recording_digest(self, wildcards: Wildcards) -> str:
-        """Digest of what is in the user's files that a recording is read from, declared or not."""
+        """Digest of the contents of all user files that a recording is read from."""
         return self._digests.of(self._files_of(self._recording(wildcards)))
 
     def event_files(self, wildcards: Wildcards) -> list[str]:
-        """The user's files that the subject's events are read from, as `recording_files`."""
+        """User files that the subject's events are read from, as in `recording_files`."""
         return _declarable(self._event_files(wildcards.subject))
 
     def event_digest(self, wildcards: Wildcards) -> str:
-        """Digest of what is in the user's files that the subject's events are read from, declared or not."""
+        """Digest of the contents of all user files that the subject's events are read from."""
         return self._digests.of(self._event_files(wildcards.subject))
 
     def _made_for(self, recording: Recording) -> list[str]:
-        """Paths of what the workflow would simulate as a recording."""
+        """Paths of the files that the workflow may simulate for a recording."""
         hand = recording.hand
         token = SubjectSession(hand.subject, hand.session).token
         names = {"subject": token, "hand": hand.hand, "task": recording.task}
         return [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
 
     def _files_of(self, recording: Recording) -> list[str]:
-        """The user's files that a recording is read from: its own and its mapping."""
+        """User files that a recording is read from: its data and its mapping."""
         mapping = [] if recording.mapping is None else [recording.mapping]
         paths = dict.fromkeys(map(_relative, [recording.file, *mapping]))
         return [path for path in paths if path not in self._made_for(recording)]
 
     def _event_files(self, subject: str) -> list[str]:
-        """The user's files that a subject's events are read from: also recordings, which may have pulses."""
+        """User files that a subject's events are read from, including recordings, which may hold pulses."""
         recordings = [r for r in self._plans[subject].recordings if r.events is not None]
         paths = [(r, _relative(path)) for r in recordings for path in (r.file, r.events) if path]
         return list(dict.fromkeys(path for r, path in paths if path not in self._made_for(r)))
 
     def import_options(self, wildcards: Wildcards) -> str:
-        """Options that say what a recording is, for the command that imports it."""
+        """Options that describe a recording to the command that imports it."""
         return shlex.join(import_options(self._recording(wildcards)))
 
     def layout_digest(self, wildcards: Wildcards) -> str:
-        """Digest of what the layout of a hand says."""
+        """Digest of a hand's layout."""
         return plan_digest(self._contents[wildcards.subject]["layouts"][wildcards.hand])
 
     def poses(self, wildcards: Wildcards) -> list[str]:
-        """Poses of every recording of the subject that is not excluded."""
+        """Poses files of the subject's recordings, without excluded ones."""
         plan = self._plans[wildcards.subject]
         return [str(plan.poses(recording)) for recording in plan.recordings if not recording.exclude]
 
@@ -280,7 +280,7 @@ class StudyFiles:
         return [*map(str, map(plan.table, results.SUBJECT_TABLES)), *self.fit_tables(wildcards)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
-        """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""
+        """Poses files that a fit reads; both hands' where the model shares lengths between them."""
         plan = self._plans[wildcards.subject]
         model = plan.models.get(self.model(wildcards))
         both = model is not None and model.fitting is not None and model.fitting.share_lengths
@@ -288,7 +288,7 @@ class StudyFiles:
         return [str(plan.poses(recording)) for recording in recordings]
 
     def model(self, wildcards: Wildcards) -> str:
-        """The model's name, of which the wildcard is the form that stands in paths."""
+        """Name of the model for the wildcard, which is its form in paths."""
         return self._models[wildcards.model]
 
     def layout(self, wildcards: Wildcards) -> str:
@@ -297,7 +297,7 @@ class StudyFiles:
 
     def inputs(self, *names: str) -> dict[str, Any]:
         """Return, by name, a subject's plan, poses and truth, and tables of both hands and all models."""
-        from snakemake.io import ancient  # who only reads a study has no need of Snakemake
+        from snakemake.io import ancient  # reading a study does not need Snakemake
 
         folder = f"{self.results.folder.as_posix()}/sub-{{subject}}"
         files = {"plan": ancient(f"{folder}/plan.json"), "poses": self.poses, "truth": self.truth}
@@ -305,9 +305,9 @@ class StudyFiles:
         return {name: files.get(name, f"{folder}/{name}.parquet") for name in names}
 
     def fits(self, *names: str, references: bool = False) -> dict[str, Callable[[Wildcards], list[str]]]:
-        """Return, by name, what lists those tables of the subject's whole-hand fits.
+        """Return, by table name, a function that lists the tables of the subject's whole-hand fits.
 
-        references : of its hands as anatomy alone has them too, where it knows any digit.
+        references : include those of the average hand, where it has any of the digits.
         """
 
         def files(wildcards: Wildcards, name: str) -> list[str]:
@@ -329,7 +329,7 @@ class StudyFiles:
         return plan_digest(fit_part(self._contents[wildcards.subject], wildcards.hand, model))
 
     def truth(self, wildcards: Wildcards) -> list[str]:
-        """Tables of the truth beside the subject's simulated recordings."""
+        """Truth tables of the subject's simulated recordings."""
         plan = self._plans[wildcards.subject]
         folders = [plan.truth(recording) for recording in plan.recordings if not recording.exclude]
         paths = [folder / f"{name}.parquet" for folder in folders if folder for name in results.TRUTH_TABLES]
@@ -348,7 +348,7 @@ class StudyFiles:
         return plan_digest(self._contents)
 
     def gathered(self, _: Wildcards = None) -> list[str]:
-        """Tables of all subjects that the study's tables are gathered from."""
+        """Tables of all subjects from which the study's tables are made."""
         tables = [
             str(path)
             for plan in self._plans.values()
@@ -368,7 +368,7 @@ class StudyFiles:
         return self._of_all(self.poses)
 
     def exported(self, _: Wildcards = None) -> list[str]:
-        """Tables of all subjects that exports are made of."""
+        """Tables of all subjects from which exports are made."""
         names = ("findings", "joint_centres", "bone_lengths", "metacarpals")
         tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
         return [*self.all_poses(), *tables, *self._of_all(self.fit_tables)]
@@ -378,12 +378,12 @@ class StudyFiles:
 
     @property
     def configuration(self) -> list[str]:
-        """The study file and its sheets, layouts and models; and mappings, those that can be declared."""
+        """The study file with its sheets, layouts and models, and mappings that Snakemake accepts."""
         return [*self._configuration, *_declarable(self._mappings)]
 
     @property
     def configuration_digest(self) -> str:
-        """Digest of what is in these files, and in the other mappings."""
+        """Digest of the contents of these files and of all mappings."""
         return plan_digest([self._digests.sha256(path) for path in (*self._configuration, *self._mappings)])
 
     @property
@@ -395,23 +395,24 @@ class StudyFiles:
 
     @property
     def participants(self) -> str:
-        """Option of the dataset's command that names the participants sheet, where the study has one."""
+        """Option that names the participants sheet, for the dataset's command; empty without a sheet."""
         sheet = self.study.sheets.get("participants")
         return "" if sheet is None else shlex.join([f"--participants={_relative(sheet)}"])
 
     @property
     def outputs(self) -> list[str]:
-        """Return all that the study is run for."""
+        """Return all final outputs of the study."""
         files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
         files += [*self.tables, *self.subject_pages]
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
 
 
 def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
-    """Remove what was written for subjects, recordings, models and exports that a study has no longer.
+    """Remove results of subjects, recordings, models and exports that no longer belong to the study.
 
-    Return the folders of these subjects and exports. What was written is known by the plan beside it, exports
-    by their names; nothing else is touched. present : paths that rules make now.
+    Return the folders of these subjects and exports. A subject's results are those that the plan beside them
+    lists; exports are known by their names; other files are not touched. present : outputs of the present
+    rules.
     """
     exports = [
         f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
@@ -419,7 +420,7 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
         plan = None
-        with suppress(InputError):  # one that cannot be read says nothing of what was made
+        with suppress(InputError):  # a damaged plan does not tell what was made
             plan = read_plan(path)
         if plan is None or plan.folder != path.parent:
             continue
@@ -429,7 +430,7 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
 
 
 def _remove(files: Iterable[Path], top: Path) -> bool:
-    """Remove those of some files that are there, and folders below the top that are empty then."""
+    """Remove those of the files that exist, and folders below `top` that are then empty."""
     removed = [file for file in files if file.is_file()]
     for file in removed:
         file.unlink()
@@ -442,13 +443,13 @@ def _remove(files: Iterable[Path], top: Path) -> bool:
 
 
 def _exported(folder: Path) -> Iterator[Path]:
-    """Files of a folder of exports that were written there."""
+    """Exported files in a folder."""
     yield from (f for f in sorted(folder.rglob("*")) if f.relative_to(folder).parts[0].startswith(EXPORTED))
     yield folder / STAMP
 
 
 def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
-    """The paths of all that was written for a subject, by its plan."""
+    """Paths of all results of a subject, according to its plan."""
     yield plan.folder / "plan.json"
     yield from plan.poses_files.values()
     yield from (plan.table(name) for name in results.SUBJECT_TABLES)
@@ -488,7 +489,7 @@ def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool
 
 
 def import_options(recording: Recording) -> list[str]:
-    """Options that say what a recording of a plan is, for the command that imports it."""
+    """Options that describe a recording of a plan to the command that imports it."""
     values = {
         "in": _relative(recording.file),
         "layout": str(recording.layout),
@@ -501,17 +502,17 @@ def import_options(recording: Recording) -> list[str]:
 
 
 def _declarable(paths: Sequence[str]) -> list[str]:
-    """Those of some files that are there and that Snakemake takes."""
+    """Those of the files that exist and whose names Snakemake accepts."""
     return [path for path in paths if _can_be_declared(path) and Path(path).is_file()]
 
 
 def _can_be_declared(path: str) -> bool:
-    """Whether Snakemake takes a path as it stands: it has no way to quote wildcards and variables in it."""
+    """Whether Snakemake accepts a path unchanged: wildcards and variables in it cannot be quoted."""
     return not re.search(r"\{.*\}|<[a-z][a-z0-9_]*>", path)
 
 
 def _relative(path: str | Path) -> str:
-    """Return a path from this folder; the program's own files are named as such, wherever this folder is."""
+    """Return a path relative to this folder; the program's own files are named independently of it."""
     if Path(path).is_relative_to(CONFIG_FOLDER) and not CONFIG_FOLDER.is_relative_to(Path.cwd()):
         return Path(path).as_posix()
     return Path(os.path.relpath(path)).as_posix()

@@ -1,4 +1,4 @@
-"""What the Snakefile begins and ends with: the study, and what every rule has beside files and command."""
+"""Start and end of the Snakefile: reading the study, and settings that all rules share."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
 CAPTIONS = PACKAGE / "report" / "captions"
-"""Folder of what `snakemake --report` says of each result."""
+"""Folder of the captions of `snakemake --report`."""
 
 WILDCARDS = dict.fromkeys(("subject", "hand", "task", "recording", "model"), "[^/]+") | {"hand": "right|left"}
-"""What the wildcards of a path may be."""
+"""Allowed values of wildcards."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
-"""What is said of a job's wildcards."""
+"""Names of wildcards in messages."""
 
 
 def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
-    """Read the study that a workflow is of, and have what a run needs done as it starts and ends.
+    """Read the study of a workflow, and register what is done when a run starts and ends.
 
     top : the folder of the Snakefile. Raises WorkflowError where the study cannot be read.
     """
@@ -40,9 +40,9 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         os.environ.update(PYTHONPATH=os.pathsep.join(filter(None, paths)))
     files = [top / "Snakefile", top / "workflow" / "Snakefile"]
     is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
-    if not is_module:  # nothing is imported from the folder that this runs in
+    if not is_module:  # no module is imported from the working folder
         os.environ.update(PYTHONSAFEPATH="1")
-    # what the rules' commands begin with; by the environment, or a checkout that moved would run all again
+    # start of the rules' commands; a path in them would make a moved checkout run everything again
     os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
@@ -60,12 +60,12 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     def end(*_: object) -> None:
         if is_quiet:
             logging.disable()  # that it was ended, whoever ended it says
-        if not workflow.local_exec:  # jobs are cancelled then; what looked after them may sleep for long
+        if not workflow.local_exec:  # jobs are cancelled then; their threads may sleep for long
             workflow.scheduler._executor.shutdown = lambda: os._exit(1)
         raise KeyboardInterrupt
 
     def start(_: Any) -> None:
-        signal.signal(signal.SIGTERM, end)  # Snakemake's own handler waits for jobs, and for a lock for ever
+        signal.signal(signal.SIGTERM, end)  # Snakemake's own may wait for a lock forever
         one_run.refuse(workflow, study.results.folder)
         with one_run.ending_in_a_sentence():
             _note(study.what_changed(), study.remove_former())
@@ -90,7 +90,7 @@ def _note(*notes: str) -> None:
 
 
 def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
-    """Set every rule's log and message of this Snakefile, and params by which Snakemake runs it again.
+    """Set the log, the message, and params that trigger a rerun, for every rule of the Snakefile.
 
     These are the program's digest, and those of what inputs of these names say: the subject's plan, all
     plans, the study's configuration. A rule that uses a part of a plan has its own.
@@ -112,7 +112,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or 'the study'}"
-        if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
+        if str(rule.output[0]).endswith("/plan.json"):  # outdated plans are rewritten when a run begins
             continue
         rule.set_params(code=code)
         named = {name for name, _ in rule.params._allitems()}

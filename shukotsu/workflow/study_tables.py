@@ -1,4 +1,4 @@
-"""The study's tables from those of its subjects; whatever failed is a row of problems with its reason."""
+"""Make the study's tables from those of its subjects; every failure is a row of problems, with its reason."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def gather_study(study: Study, results: Results) -> None:
     ]
     for plan, subject in zip(plans, of_subjects, strict=True):
         problems += [*_bugs(plan), *subject.problems]
-    # recordings whose poses are, number by number, those of another subject's, or another session's
+    # recordings with exactly the poses of another subject or session
     digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
     of_recordings = (
         (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
@@ -84,7 +84,7 @@ def gather_study(study: Study, results: Results) -> None:
         columns = {column.name: rows.column(column.name) for column in TABLES[name].columns}
         provenance = Provenance.of(files, results.folder)
         write_table(results.study_table(name), TABLES[name], columns, provenance)
-    # write the study with its layouts and models, every default filled in, as one YAML file
+    # write the study with its layouts and models as one YAML file, with all defaults
     layouts = dict.fromkeys(recording.layout for recording in study.recordings)
     whole = {
         "program": f"{PROGRAM} {VERSION}",
@@ -105,7 +105,7 @@ def gather_study(study: Study, results: Results) -> None:
 
 
 def _with_further_columns(study: Study, rows: Sequence[Row]) -> Table:
-    """Return the recordings table with what the sheet has besides, which is put into the rows."""
+    """Return the recordings table with the sheet's further columns, which are added to the rows."""
     taken = {column.name for column in RECORDINGS.columns}
     names = {name: f"{name}_of_sheet" if name in taken else name for name, _ in study.recordings[0].more}
     more = {tuple(recording.key.values()): recording.more for recording in study.recordings}
@@ -121,11 +121,11 @@ _WRITTEN_BEFORE = (
     (JOINT_CENTRES, "projected_joints", "project_planes"),
     (RECEIVERS, RECEIVERS.name, "fit_hand"),
 )
-"""Tables of stages whose failures others pass on, by form and file, and the rule that writes each."""
+"""Tables whose failures later stages repeat, by form and file, and the rule that writes each."""
 
 
 def _bugs(plan: SubjectPlan) -> Iterator[Row]:
-    """Name bugs with the stage that they are in, before others pass them on as their own failures."""
+    """Name the stage that a bug is in, before later stages repeat the failure as their own."""
     references = [plan.fit_table(hand, REFERENCE, RECEIVERS.name) for hand in plan.hands]
     for table, name, stage in _WRITTEN_BEFORE:
         files = plan.files_of(name) + (references if name == RECEIVERS.name else [])

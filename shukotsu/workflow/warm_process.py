@@ -1,7 +1,7 @@
-"""A process that has imported what the jobs of a subject need, and forks for each (see `shukotsu.job`).
+"""A process that has imported what jobs need, and forks for each of them (see `shukotsu.job`).
 
-It lives as long as the workflow that started it, on Linux and on one machine. It never computes anything
-itself, so that there is no thread that a fork would lose.
+It runs as long as the workflow that started it, on Linux and on one machine. It never computes anything
+itself and so has no thread that a fork would lose.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ ROOMS = (
     *("study", "tables"),
 )
 PACKAGES = ("pyarrow.compute", "pyarrow.parquet", "jsonschema", *(f"shukotsu.{room}" for room in ROOMS))
-"""These are imported before the first fork, every module of a package of this project."""
+"""Modules imported before the first fork; of a package of this project, all its modules."""
 WAITING = 128
 
 
 def start() -> subprocess.Popen[bytes] | None:
-    """Start the process, which ends with this one; jobs find it by their environment.
+    """Start the process, which ends with this one; jobs find its address in their environment.
 
-    Where it cannot be had, and where the environment names an address already, jobs start by themselves.
+    Where it cannot start, or the environment already has an address, every job starts on its own.
     """
     if sys.platform != "linux" or job.ADDRESS in os.environ:
         return None
@@ -51,7 +51,7 @@ def start() -> subprocess.Popen[bytes] | None:
         listener.listen(WAITING)  # jobs may connect from now on; they wait until everything is imported
         process = subprocess.Popen(
             [sys.executable, "-m", "shukotsu.workflow.warm_process", str(listener.fileno())],
-            stdin=subprocess.PIPE,  # never written to: it is closed when this process ends, however it does
+            stdin=subprocess.PIPE,  # never written to; the system closes it when this process ends
             pass_fds=[listener.fileno()],
             env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONSAFEPATH": "1"},
         )
@@ -62,14 +62,14 @@ def start() -> subprocess.Popen[bytes] | None:
 
 
 def serve(listener: socket.socket) -> None:
-    """Fork for every job that connects, until standard input ends."""
+    """Fork for every job that connects, until standard input is closed."""
     command_line.begin()
     for name in PACKAGES:
         package: ModuleType = importlib.import_module(name)
         if name.startswith("shukotsu."):
             for module in pkgutil.walk_packages(package.__path__, f"{name}."):
                 importlib.import_module(module.name)
-    gc.freeze()  # what is here stays, and is shared with the forks
+    gc.freeze()  # the garbage collector skips existing objects, so that forks share their memory
     forks: set[int] = set()
     while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:
         connection, _ = listener.accept()
@@ -79,10 +79,10 @@ def serve(listener: socket.socket) -> None:
             _run_job(connection)
         forks.add(fork)
         connection.close()
-        with suppress(ChildProcessError):  # those that have ended: what they cost counts as this process's
+        with suppress(ChildProcessError):  # finished forks: their resources count as this process's
             while ended := os.waitpid(-1, os.WNOHANG)[0]:
                 forks.discard(ended)
-    for fork in forks:  # the workflow was killed: its next run must not find somebody else writing its files
+    for fork in forks:  # the workflow was killed; no fork may write files during its next run
         with suppress(ProcessLookupError):
             os.kill(fork, signal.SIGKILL)
         with suppress(ChildProcessError):
@@ -90,17 +90,17 @@ def serve(listener: socket.socket) -> None:
 
 
 def _run_job(connection: socket.socket) -> None:
-    """Do what the other end requests, as if it were this process; answer with the exit code and end."""
+    """Run the job that the client requests, send it the exit code, and end."""
     status = 1
     try:
         status = _status_of_job(connection)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the answered end closes the connection, no more
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once answered, the client only closes the connection
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError):
                 stream.flush()
-        with suppress(OSError):  # whoever waited for the answer is no more
+        with suppress(OSError):  # the client has ended
             connection.sendall(bytes([status & 255]))
-    finally:  # whatever happened: a fork must never come back to the listener
+    finally:  # in any case: a fork must never return to the listener
         os._exit(status & 255)
 
 
@@ -113,7 +113,7 @@ def _status_of_job(connection: socket.socket) -> int:
         for number, descriptor in enumerate(streams):
             os.dup2(descriptor, number)
             os.close(descriptor)
-        # opened anew: the old ones take what is a pipe now for the file that was there
+        # reopened, since the old streams treat the new pipe as the former file
         sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115
         sys.stderr = open(2, "w", 1, sys.stderr.encoding, "backslashreplace", closefd=False)  # noqa: SIM115
         os.chdir(request["folder"])
@@ -131,7 +131,7 @@ def _status_of_job(connection: socket.socket) -> int:
 
 
 def _end_with(connection: socket.socket) -> None:
-    """Wait until the other end is closed, which says that the job is to end."""
+    """End this process when the client closes its end of the connection."""
     with suppress(OSError):
         connection.recv(1)
     os.kill(os.getpid(), signal.SIGTERM)
@@ -141,5 +141,5 @@ if __name__ == "__main__":
     with suppress(KeyboardInterrupt), socket.socket(fileno=int(sys.argv[1])) as listener:
         try:
             serve(listener)
-        finally:  # its parent may have been killed
+        finally:  # this process's parent may have been killed
             shutil.rmtree(Path(listener.getsockname()).parent, ignore_errors=True)

@@ -72,7 +72,9 @@ def test_a_refused_recording_is_used_by_no_later_stage(plan: SubjectPlan, plan_f
         plan.check_calibration_left("left")
 
 
-def test_a_hand_alone(plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_poses_without_a_plan_are_checked(
+    plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     poses = [plan.folder / "right" / task / "poses.parquet" for task in ("rom", "grip")]
     command = ["--layout", "liberty16", "--poses", *map(str, poses)]
     assert main(command) == 0

@@ -61,7 +61,7 @@ def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted:
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_a_real_arm(real_data: Path, side: str) -> None:
+def test_a_real_arm_has_no_finding_and_planted_faults_are_named(real_data: Path, side: str) -> None:
     path, layout = real_data / "upper_limb_poses" / f"racing_{side}.csv", read_layout("arm")
     samples = join_samples(find_parts_reader(path, "auto", None)(path, layout, None))
     shape, order = (-1, len(layout.measured)), np.lexsort((samples.segment, samples.frame))

@@ -35,7 +35,7 @@ def kinds(recordings: list[tuple[str, str, CheckedRecording]]) -> list[list[tupl
     ]
 
 
-def test_one_person_is_one(person: list[tuple[str, str, CheckedRecording]]) -> None:
+def test_recordings_of_one_person_have_no_finding(person: list[tuple[str, str, CheckedRecording]]) -> None:
     assert kinds(person) == [[], [], []]
 
 
@@ -74,7 +74,7 @@ def test_receivers_put_on_anew_are_a_note() -> None:
     assert kinds([later]) == [[]], "a session of its own"
 
 
-def test_the_same_poses_again(person: list[tuple[str, str, CheckedRecording]]) -> None:
+def test_a_copied_recording_is_suspected(person: list[tuple[str, str, CheckedRecording]]) -> None:
     again = ("copy", "right", person[0][2])
     (finding,) = compare_recordings([*person, again])[3].findings
     assert (finding.kind, finding.severity) == ("same-file", SUSPECT)

@@ -151,7 +151,7 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
     assert 100 < len({*frames.poses().frame.tolist()}) <= MOST_FRAMES
 
 
-def test_they_are_the_poses_of_an_import(archive: Path, tmp_path: Path) -> None:
+def test_live_poses_equal_those_of_an_import(archive: Path, tmp_path: Path) -> None:
     live = LivePoses(read_layout("liberty16"), archive)
     parts = [poses for piece in open_archive(archive).pieces() if (poses := live.add(piece)) is not None]
     poses, table = concatenate_poses(parts), tmp_path / "poses.parquet"

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from shukotsu.__main__ import main
 from shukotsu.commands import COMMANDS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -56,13 +55,6 @@ def test_the_help_names_every_command(tmp_path: Path) -> None:
     for name, command in COMMANDS.items():
         assert f"  {name} " in done.stdout
         assert command.summary in done.stdout
-
-
-def test_a_stage_is_run_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["stage", "solve_joints", "--help"])
-    assert ended.value.code == 0
-    assert "usage: shukotsu stage solve_joints" in capsys.readouterr().out
 
 
 def test_the_installed_command_runs_from_a_folder_with_misleading_names(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ EMPTY = {"subject": "", "session": "", "hand": "", "task": "", "trial": "", "rol
         ("2024-05-03.csv", ""),
     ],
 )
-def test_what_a_name_says(name: str, parts: str) -> None:
+def test_subject_hand_task_and_trial_are_read_from_file_names(name: str, parts: str) -> None:
     (read,) = parts_of_names([Path(name)])
     assert vars(read) == EMPTY | dict(word.split("=") for word in parts.split())
 

@@ -128,7 +128,7 @@ def test_metacarpals_at_rest_are_the_whole_of_table_1(run: Run) -> None:
         assert row["mean_mm"] > 50
 
 
-def test_noise_alone_is_irrelevant(run: Run) -> None:
+def test_noise_alone_moves_no_centre_by_a_millimetre(run: Run) -> None:
     """Tracker noise without skin: every centre within 1 mm over a range-of-motion recording."""
     results, simulated = run(replace(Realism.exact(), noise=1.0))
     assert max(centre_errors_mm(results, simulated).values()) < 1.0

@@ -150,7 +150,7 @@ def test_frames_are_different_and_stand_for_all(seed: int, n_frames: int, wanted
     assert (share > 0).all()
 
 
-def test_dwelling_counts_once() -> None:
+def test_a_held_posture_gets_one_frame() -> None:
     """A posture that is held gets one frame and the share of the time that it was held."""
     postures = np.concatenate([np.zeros((900, 1)), np.linspace(0.1, 1, 100)[:, None]])
     rows, share = spread_frames(postures, 10)

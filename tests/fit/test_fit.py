@@ -12,7 +12,7 @@ from shukotsu.fit.compiled_equations import pose, reduce
 from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.gauss_newton import first_guess, solve
 from shukotsu.fit.measurements import Measurement
-from shukotsu.hand.average_hand import UNMODELLED_LENGTH_MM
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.rotations import exp_rotation
 from shukotsu.paper.closed import solve_closed
 from shukotsu.paper.moments import JointMoments
@@ -64,7 +64,7 @@ def test_it_beats_the_joint_by_joint_fit(layout: Layout, fitted: HandFit) -> Non
     assert np.median(list(errors.values())) < 0.7 * np.median(alone)
 
 
-def test_the_rest_of_the_summary(fitted: HandFit) -> None:
+def test_wrist_bones_and_receivers_are_within_their_stated_errors(fitted: HandFit) -> None:
     drawn, _ = hand()
     true = drawn.truth.joints
     wrist = fitted.summary.fixed["wrist"]
@@ -108,7 +108,7 @@ def test_what_is_known_beside_the_recording_moves_what_it_is_of(layout: Layout, 
         for fit in (told, fitted)
     ]
     assert heights[0][1] < 0.95 * heights[1][1]
-    assert fitted.bones["ring_metacarpal"].sd_mm > UNMODELLED_LENGTH_MM["metacarpal"]
+    assert fitted.bones["ring_metacarpal"].sd_mm > prior.UNMODELLED_LENGTH_MM["metacarpal"]
     length_mm = fitted.bones["ring_metacarpal"].length_mm + 3.0
     measured = anew(layout=layout, measurements=[Measurement("ring_metacarpal", length_mm, 0.5)])
     assert measured.bones["ring_metacarpal"].sd_mm < 0.5

@@ -114,7 +114,9 @@ REFUSALS: dict[str, tuple[Refused, str]] = {
 
 
 @pytest.mark.parametrize("what", REFUSALS)
-def test_it_refuses(hand: HandAlone, capsys: pytest.CaptureFixture[str], tmp_path: Path, what: str) -> None:
+def test_bad_input_is_one_sentence_and_writes_nothing(
+    hand: HandAlone, capsys: pytest.CaptureFixture[str], tmp_path: Path, what: str
+) -> None:
     options, sentence = REFUSALS[what]
     assert hand.fit(tmp_path / "out", *options(hand), poses=hand.short) == 2
     error = capsys.readouterr().err

@@ -49,7 +49,7 @@ def test_every_measurement_is_tried_and_the_best_comes_first(gained: dict[str, R
         pytest.param("index_middle.distal", marks=pytest.mark.slow),
     ],
 )
-def test_it_is_what_a_fit_with_the_measurement_has(gained: dict[str, Row], quantity: str) -> None:
+def test_a_gain_equals_that_of_a_fit_with_the_measurement(gained: dict[str, Row], quantity: str) -> None:
     """Errors stated before anyone measured, against those of the hand fitted anew with the true value: of the
     joint that gains most, and of all joints.
     """

@@ -131,7 +131,7 @@ def assert_same(computed: Array, expected: Array) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("n_frames", [1, 7])
-def test_residuals(seed: int, n_frames: int) -> None:
+def test_compiled_residuals_equal_numpy(seed: int, n_frames: int) -> None:
     problem, point = random_problem(seed, n_frames)
     computed, rotation = residuals(problem, point), problem.rotation(point.x)
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
@@ -160,7 +160,7 @@ def test_residuals(seed: int, n_frames: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_derivatives(seed: int) -> None:
+def test_analytic_derivatives_equal_differences(seed: int) -> None:
     """By states, by the root and by the unknowns, with weights and tempering in, against differences.
 
     The room's field, which turns what is measured, is so to first order, and its positions are left out.
@@ -254,7 +254,7 @@ def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, A
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_a_step_of_the_whole_hand(seed: int, damping: float) -> None:
+def test_the_eliminated_step_equals_the_dense_one(seed: int, damping: float) -> None:
     problem, point = random_problem(seed, 7)
     steps = reduce(problem, point, damping)
     matrix, gradient, moved = dense_step(problem, point, damping)

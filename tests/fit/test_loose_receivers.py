@@ -122,7 +122,7 @@ def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout) -> None:
 
 
 @pytest.mark.slow
-def test_every_receiver_is_found(layout: Layout) -> None:
+def test_a_displacement_of_any_receiver_is_detected(layout: Layout) -> None:
     """A shift of 5 mm or a turn of 14 deg, now in one task, now in the other: at most one of 16 is missed.
 
     Twice as much of the receiver over the thumb's metacarpal, whose skin moves it as far as that.
@@ -142,7 +142,7 @@ def test_every_receiver_is_found(layout: Layout) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10, 12))
-def test_no_false_alarm(layout: Layout, seed: int) -> None:
+def test_an_undisturbed_hand_has_no_loose_receiver(layout: Layout, seed: int) -> None:
     """Two subjects, both tasks, skin as usual and twice as loose."""
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
@@ -161,7 +161,7 @@ def test_a_hand_that_goes_elsewhere_and_back_says_nothing(layout: Layout) -> Non
     assert not loose_in(layout, "right", replace(clean, position_mm=flipped))
 
 
-def test_courses() -> None:
+def test_courses_are_steps_slides_and_returns() -> None:
     """Steps sit long enough in both places, slides take a fifth of the recording, what returns ends at 0."""
     ways = courses(40)
     steps = (ways.start == ways.end) & ~ways.returns

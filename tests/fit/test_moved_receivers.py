@@ -47,7 +47,7 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
         pytest.param("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150, marks=pytest.mark.slow),
     ],
 )
-def test_it_is_named_with_mm_deg_and_since_when(
+def test_a_moved_receiver_is_named_with_shift_rotation_and_frame(
     segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...], first: int
 ) -> None:
     poses = moved(segment, axis, deg, shift_mm, first)

@@ -18,7 +18,7 @@ from shukotsu.study.study import read_study
 LAYOUT = read_layout("liberty16")
 
 
-def test_the_prior_moves_nothing(tmp_path: Path) -> None:
+def test_the_reference_hand_has_average_bones_and_no_stated_error(tmp_path: Path) -> None:
     """Bones are those of an average hand or of one as long as measured; nothing is stated of errors."""
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=250)
     folder, part = subject.fit_folder(model=REFERENCE), subject.part(REFERENCE)

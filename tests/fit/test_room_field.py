@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.normal_equations import RoomField
-from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import prior
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.layout import Layout

@@ -47,7 +47,7 @@ def test_what_a_longer_way_implies_is_left_out() -> None:
 
 
 @pytest.mark.slow
-def test_the_page_is_current() -> None:
+def test_the_diagram_of_the_rules_is_current() -> None:
     page = PAGE.read_text("utf-8")
     assert page == page_with_diagram(page), "run `make docs`"
 

@@ -18,7 +18,7 @@ def errors(sd_deg: float | Array = 0.0, change_deg: float | Array = 0.0, anew: f
     return AngleErrors(sd, change, anew * sd, anew * change)
 
 
-def test_a_sinusoids_range() -> None:
+def test_the_range_of_a_sinusoid_is_exact() -> None:
     measured = angle_range(swing(20.0), errors(3.0))
     assert measured["full_range_deg"] == pytest.approx(40.0, abs=0.01)
     assert measured["range_deg"] == pytest.approx(40 * np.sin(0.475 * np.pi), abs=0.05)

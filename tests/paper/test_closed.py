@@ -141,7 +141,7 @@ def test_covariance_is_what_repeated_noise_gives(off_axis_rad: float) -> None:
         assert direction @ scatter @ direction == pytest.approx(size, rel=0.35)
 
 
-def test_streaming_and_gaps() -> None:
+def test_blocks_and_invalid_frames_do_not_change_a_solution() -> None:
     """Blocks of any size give the same result; frames that are not valid count for nothing."""
     chain = random_chain(11, 3, 403, off_axis_rad=0.1, noise_mm=0.1)
     poses = chain.poses

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shukotsu.errors import InputError
-from shukotsu.hand.average_hand import UNKNOWN_SLIDE_SD_MM
+from shukotsu.hand.average_hand import prior
 from shukotsu.hand.rotations import rotate
 from shukotsu.paper.closed import JointSolution, solve_closed
 from shukotsu.paper.part_solutions import solution_row
@@ -143,7 +143,7 @@ def test_skin_in_step_with_a_hinge_moves_its_solved_centre_by_what_is_stated() -
     rng, off = np.random.default_rng(0), []
     angle_rad = _hinge_angle(chain)
     for _ in range(300):
-        slide = rng.normal(0, UNKNOWN_SLIDE_SD_MM, (2, 3))
+        slide = rng.normal(0, prior.UNKNOWN_SLIDE_SD_MM, (2, 3))
         moved = poses.position_mm + rotate(along, angle_rad[:, None, None] * slide)
         solution = solve_closed(moments_of(chain, replace(poses, position_mm=moved)), 0, 5)
         across = solution.q_mm - free.q_mm
@@ -183,7 +183,7 @@ def stated_sd_mm(joint: str, **changes: Any) -> float:
     )
 
 
-def test_what_makes_it_grow() -> None:
+def test_a_stated_error_grows_with_gap_small_range_and_flat_cut() -> None:
     usual = stated_sd_mm("index_pip")
     assert 3.0 < usual < 6.0
     assert stated_sd_mm("index_pip", gap_rms_mm=2.0) > 1.4 * usual

@@ -40,7 +40,7 @@ def outcomes(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[list[int],
     ],
     ids=["spreadsheet", "number", "empty", "header", "cell", "line", "zeros"],
 )
-def test_it_is_refused_in_one_short_sentence(
+def test_an_excessive_file_is_refused_in_one_short_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, content: str, message: str
 ) -> None:
     (tmp_path / name).write_text(content)

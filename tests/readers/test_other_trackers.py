@@ -134,7 +134,9 @@ def test_what_is_read_is_what_was_written(
         ("a.nrrd", f"NRRD0004\nSeq_Frame0000_AToBTransform:={'0 ' * 16}\n\n", "'a' is not in layout"),
     ],
 )
-def test_what_cannot_be_read(tmp_path: Path, name: str, content: str, message: str) -> None:
+def test_an_unreadable_export_is_refused_with_the_reason(
+    tmp_path: Path, name: str, content: str, message: str
+) -> None:
     (tmp_path / name).write_text(content)
     refuse(tmp_path / name, message)
 

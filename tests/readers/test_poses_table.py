@@ -55,7 +55,7 @@ def numbers_of(row: dict[str, Any]) -> list[float | None]:
     return [row[name] for name in ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")]
 
 
-def test_order_and_full_grid() -> None:
+def test_rows_follow_the_layout_on_a_full_grid_of_frames() -> None:
     """Rows go by the layout's segments, then by frame; a row that the recording lacks is null and says so."""
     table = table_of(samples_of(("index", 12, 0.3, GOOD), ("hand", 10, 0.1, GOOD), ("index", -5, 0.05, GOOD)))
     rows = table_rows(table)

@@ -129,7 +129,7 @@ def test_what_went_wrong_is_told(page: str) -> None:
     assert "Right hand, ring: joint ring_dip failed." in text
 
 
-def test_no_recording_used(tmp_path: Path) -> None:
+def test_a_study_without_a_usable_recording_has_a_page_with_reasons(tmp_path: Path) -> None:
     """A study of which nothing is left still has a page that names every recording and reason."""
     study = make_study(tmp_path, models=PAPERS[:1], n_frames=4)
     for name in STUDY_TABLES:
@@ -144,7 +144,7 @@ def test_no_recording_used(tmp_path: Path) -> None:
     assert all(f"{name}-right.csv" in text for name in ("S01", path_token(HOSTILE)))
 
 
-def test_joints_all_failed(fitted_study: MadeStudy) -> None:
+def test_a_study_whose_joints_all_failed_has_a_page(fitted_study: MadeStudy) -> None:
     gone = {**UNJUDGED, **dict.fromkeys(c.name for c in JOINT_CENTRES.columns if c.nullable)}
     gone |= {"status": "failed", "message": "no frames"}
     failed = [judged_joint(row | gone, FINGER_MM) for row in fitted_study.results.joints]

@@ -16,7 +16,7 @@ def test_every_model_that_ships_is_read(name: str) -> None:
     assert model.description
 
 
-def test_the_papers_tables() -> None:
+def test_each_table_of_the_paper_has_its_model() -> None:
     """What tells the four tables of the paper apart, and that each has a model."""
     tables = {
         model.paper_table: model for model in map(read_model, shipped_names("model")) if model.paper_table
@@ -49,7 +49,7 @@ def test_the_papers_tables() -> None:
          "metacarpals: a fit of the whole hand poses them all"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_refused(tmp_path: Path, text: str, message: str) -> None:
+def test_a_contradictory_model_is_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(InputError, match=message):
         read_model("mine.yaml", tmp_path)

@@ -115,7 +115,7 @@ def test_all_bad_cells_at_once_but_no_flood(tmp_path: Path) -> None:
     assert str(caught.value).endswith("; and 11 more")
 
 
-def test_sheets_may_say_more(tmp_path: Path) -> None:
+def test_further_columns_of_a_sheet_are_kept(tmp_path: Path) -> None:
     """Near is a name only to a column that is not there: `mask` is no typo beside `task`; a missing length is
     none, not zero.
     """

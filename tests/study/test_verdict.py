@@ -41,7 +41,9 @@ kinds = st.sampled_from([verdict.BY_ANATOMY, verdict.UNSETTLED, verdict.ACROSS, 
         ({"status": "failed", "sd_mm": None}, NO, "not-solved"),
     ],
 )
-def test_what_decides(change: dict[str, Any], expected: str, reason: str) -> None:
+def test_the_verdict_follows_the_stated_error_and_doubts(
+    change: dict[str, Any], expected: str, reason: str
+) -> None:
     row = judged_joint(ROW | change, FINGER_MM)
     assert (row["verdict"], row["reason"]) == (expected, reason)
     status = {BELIEVE: "ok", CARE: "ok", NO: "failed" if reason == "not-solved" else "weak"}

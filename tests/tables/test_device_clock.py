@@ -41,7 +41,7 @@ def test_stamps_may_be_coarse_or_come_in_bursts(time_s: Array) -> None:
     assert device_clock(time_s, FRAME) == (pytest.approx(T[-1], abs=1e-3), [])
 
 
-def test_what_no_clock_tells() -> None:
+def test_a_clock_without_information_gives_no_duration() -> None:
     duration_s, (step,) = device_clock(np.full(3600, 7.0))
     assert (duration_s, step.kind, step.rows) == (None, "still", 3600)
     assert device_clock(np.full(9, np.nan)) == (None, [])

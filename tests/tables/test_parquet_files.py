@@ -74,7 +74,7 @@ def test_no_flipped_bit_gives_another_number(tmp_path: Path, name: str, whole: b
 
 
 @pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 3, b"x" * 100])
-def test_files_that_are_none(tmp_path: Path, content: bytes) -> None:
+def test_files_that_are_not_parquet_are_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.parquet"
     path.write_bytes(content)
     with pytest.raises(TableError, match="not a readable Parquet file"):

@@ -143,7 +143,7 @@ def long(tmp_path: Path) -> Path:
     return path
 
 
-def test_one_recordings_numbers(long: Path) -> None:
+def test_a_recordings_numbers_are_read_by_part_and_name(long: Path) -> None:
     read_back = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
     assert list(read_back) == ["thumb", "index"]
     for digit, values in read_back.items():

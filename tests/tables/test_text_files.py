@@ -23,7 +23,7 @@ from shukotsu.tables.text_files import open_text, read_text
         (b"a\nb\nc\xe9\n", "line 3: is not UTF-8 text; save it as UTF-8"),
     ],
 )
-def test_other_kinds_of_file(tmp_path: Path, content: bytes, message: str) -> None:
+def test_files_that_are_not_text_are_refused_by_kind(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "a.tsv"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
@@ -41,7 +41,7 @@ def test_a_text_is_read_however_its_lines_end(tmp_path: Path) -> None:
         read_text(path, "a sheet", 9)
 
 
-def test_paths_that_lead_nowhere(tmp_path: Path) -> None:
+def test_unreadable_paths_are_refused_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.tsv: no such file; expected a sheet$"):
         read_text(tmp_path / "a.tsv", "a sheet")
     with pytest.raises(InputError, match=r"no such file; expected a sheet; folders are separated by / and"):
@@ -105,7 +105,9 @@ def test_small_files_that_ask_for_much(tmp_path: Path, text: str, message: str) 
         (f"participants: {'p' * 5_000}\n", "s", "a.csv", r"cannot be read \(File name too long\)"),
     ],
 )
-def test_long_names_and_cells(tmp_path: Path, keys: str, subject: str, file: str, message: str) -> None:
+def test_long_names_and_cells_are_shortened_in_messages(
+    tmp_path: Path, keys: str, subject: str, file: str, message: str
+) -> None:
     (tmp_path / "study.yaml").write_text(f"study: a\n{REST}{keys}")
     header = "subject\thand\ttask\trole\tfile"
     (tmp_path / "r.tsv").write_text(f"{header}\n{subject}\tright\trom\tboth\t{file}\n")

@@ -28,7 +28,7 @@ def test_the_line_says_what_there_is_to_see() -> None:
     )
 
 
-def test_the_summary() -> None:
+def test_the_summary_names_losses_absences_and_notes() -> None:
     well = {"records": 14_400, "lost_frames": 0, "records_with_error": 0, "worst_distortion": 0}
     absent_s = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [50.0, None]]
     receivers = {

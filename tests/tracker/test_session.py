@@ -149,7 +149,7 @@ class Vanishing(StubbornTracker):
 
 
 @pytest.mark.slow
-def test_nothing_answers(tmp_path: Path) -> None:
+def test_a_silent_port_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     with at_a_port(SimpleNamespace(streaming=False, take=lambda _: b"")) as port:
         done = shukotsu("record", "--port", port, "--out", str(out))

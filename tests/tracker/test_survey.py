@@ -99,7 +99,7 @@ def crossing(frame: int, station: int):
     return tuple(-p for p in position) if mirrored else position, quaternion
 
 
-def test_a_capture_as_poses(tmp_path: Path) -> None:
+def test_mirrored_poses_are_flagged_or_repaired_on_import(tmp_path: Path) -> None:
     path = write(tmp_path / "a.arrows", [cycle(f, pose=crossing) for f in range(960)])
     words = ["import", "--in", str(path), "--layout", "liberty16", "--subject", "01", "--hand", "right"]
     tables = {}

@@ -53,7 +53,7 @@ def files(
     )
 
 
-def test_paths_of_a_subject(folder: Path) -> None:
+def test_a_subjects_paths_leave_out_excluded_recordings(folder: Path) -> None:
     study = files(folder)
     assert study.file == "study/study.yaml"
     assert study.subject(FIT) == ("A&b", "")
@@ -153,7 +153,7 @@ def test_a_layout_is_part_of_every_request(folder: Path) -> None:
         assert getattr(other, request)(FIT) != getattr(first, request)(FIT), request
 
 
-def test_what_is_exported(folder: Path) -> None:
+def test_exports_follow_the_study_file(folder: Path) -> None:
     assert files(folder).exports == []
     more = "exports: [bvh, bids]\nexport_settings: {models: [rigid]}\n"
     study = files(folder, more=more)

@@ -165,8 +165,9 @@ class Cells:
             row = bisect_left(
                 range(len(text)), True, key=lambda row: _cast(text[: row + 1], pa.float64()) is None
             )
-            comma = _DECIMAL_COMMA.fullmatch(text[row].as_py())
-            raise self._refusal(name, row, expected + " with a decimal point, not a comma" * bool(comma))
+            if _DECIMAL_COMMA.fullmatch(text[row].as_py()):
+                expected += " with a decimal point, not a comma"
+            raise self._refusal(name, row, expected)
         return numbers
 
     def _refuse_first(self, bad: npt.NDArray[np.bool_], name: str, expected: str) -> None:

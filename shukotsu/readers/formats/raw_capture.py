@@ -39,7 +39,7 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
         expected = expected or "none: its segments have no `receiver:`"
         raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")
     others = ", ".join(map(str, sorted(there - named)))
-    notes = (*[f"receiver {others}: not in layout {layout.name}; left out"][: bool(others)], *losses)
+    notes = (f"receiver {others}: not in layout {layout.name}; left out", *losses) if others else losses
     segment = np.full(max({*survey.records, *segment_of}) + 1, -1)
     segment[list(segment_of)] = list(segment_of.values())
     missing_frames = survey.losses.all.lost

@@ -1,4 +1,4 @@
-"""What the columns of a table seem to be, and in which units, as titles say where numbers allow it."""
+"""Roles of a table's columns and their units, from titles where the numbers agree."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _UNITS = {
     **UNIT_NAMES,
     **{word: unit for units in (_ANGLES, _TIMES) for unit, words in units.items() for word in words},
 }
-"""What titles write of a unit, in lower case, and the mapping's name for it."""
+"""Spellings of units in titles, in lower case, and the mapping's name."""
 _WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
 _STATED = re.compile(
     rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?=[\W_]*\d*[\W_]*$)",
@@ -74,7 +74,7 @@ _ASIDE = re.compile(
 """Looked for in titles as segments' names are written."""
 _SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
 _MANY_ROWS = 20
-"""In so many rows a position neither grows with every one nor keeps still to its last digit."""
+"""Over this many rows a position neither grows in every row nor stays constant to its last digit."""
 _ANGLE = re.compile(
     r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
 )
@@ -122,7 +122,7 @@ class Roles:
 
     @property
     def orientations(self) -> tuple[str, list[list[str]]]:
-        """Return the kind of orientation that there is most of, and its groups."""
+        """Return the most frequent kind of orientation, and its groups."""
         kinds = {"quaternion": self.quaternions, "matrix": self.matrices, "euler": self.angles}
         kind = max(kinds, key=lambda name: len(kinds[name]))
         return kind, kinds[kind]
@@ -249,8 +249,8 @@ def _spell_title(title: str, names: Iterable[str]) -> Title:
 def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
     """Return titles that differ in their axis only, each title -> its group in the order of the table.
 
-    w, x, y, z are a group only where their norm is 1 in the rows that have them. What a q calls a
-    quaternion and is none is in a group of nothing.
+    w, x, y, z are a group only where their norm is 1 in the rows that have them. Columns named as a
+    quaternion that are not one are in no group.
     """
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
     spellings = {split_title(title).name.lower() for title in titles}
@@ -332,7 +332,7 @@ def _few_wholes(values: Array) -> bool:
 
 
 def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
-    """Return whether the next columns are a rotation, and more nearly so than those a little later.
+    """Return whether the next columns are a rotation, and closer to one than columns shifted by a few places.
 
     A small z in metres before a quaternion whose last number is small has norm 1 with its first three, too.
     """
@@ -372,14 +372,16 @@ def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], roles: Roles
 
 STATED = "as the columns' titles say"
 LEAST_HZ, MOST_HZ = 1.0, 5000.0
-"""Frames come at such rates, whatever the tracker."""
+"""Plausible frame rates of any tracker."""
 _DATES_S = (9e8, 4.2e9)
 """Seconds since 1970 of a recording's day."""
 TWO_PI = 2 * np.pi + 0.01
 
 
 class Unit(NamedTuple):
-    """A unit for the mapping, or CHECK; why, in a comment; what speaks against the one that titles state."""
+    """A unit for the mapping, or CHECK; the reason, for a comment; evidence against the unit that titles
+    state.
+    """
 
     unit: str
     why: str

@@ -1,4 +1,4 @@
-"""An inspection's result, and write its numbers."""
+"""Result of an inspection, and formatting of its numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from shukotsu.hand.rotations import Array
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT
 
 CHECK = "CHECK"
-"""Stands in a drafted mapping for what a file cannot say; no key accepts it."""
+"""Placeholder in a drafted mapping for information that a file does not contain; no key accepts it."""
 NOTHING, TOO_FAR = "nothing", "too far for a tracker"
 _EXTENTS = (
     (2, NOTHING),
@@ -24,7 +24,7 @@ _EXTENTS = (
     (8000, "a room"),
     (np.inf, TOO_FAR),
 )
-"""Up to how many mm a motion spans what."""
+"""Largest span of a motion in mm, and an object of that size."""
 IMPOSSIBLE_EXTENTS = (NOTHING, TOO_FAR)
 
 

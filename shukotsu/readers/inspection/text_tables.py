@@ -32,6 +32,7 @@ from shukotsu.readers.inspection.column_roles import (
     STATED,
     Roles,
     Unit,
+    Units,
     angle_unit_by_size,
     by_azimuth,
     by_scalar,
@@ -59,7 +60,7 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """Hold how the text is laid out, as the mapping's `csv` group says it; before : the lines skipped."""
+    """Format of a text table, in the terms of the mapping's `csv` group. before : the skipped lines."""
 
     delimiter: str
     decimal: str
@@ -157,49 +158,89 @@ _JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
 FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 
 MOST_LINES = 16
-"""Receivers beyond whose number positions, and angles, are said in one line."""
+"""With more receivers than this, positions and angles are each summarised in one line."""
 REPEATED_SHARE = 0.2
-"""More rows than this that repeat the one before, and receivers are not in step with the rows."""
+"""Share of rows that repeat the one before, above which receivers are not in step with the rows."""
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
+@dataclass(frozen=True)
+class _ReadTable:
+    """A table whose columns were read. numbers : title -> (N,). time_of_day, dates : titles of such columns.
+
+    receivers : names in the receiver column, of a table with one row per receiver and frame.
+    """
+
+    titles: Sequence[str]
+    n_rows: int
+    numbers: Mapping[str, Array]
+    time_of_day: frozenset[str]
+    dates: frozenset[str]
+    roles: Roles
+    receivers: Sequence[str]
+
+
+@np.errstate(over="ignore", invalid="ignore")  # infinite numbers are reported as such
 def describe_table(path: Path, layout: Layout) -> Description:
     """Describe what the columns of a table seem to be. Raises InputError where the text is no table."""
     form = detect_form(path)
     text = open_table_text(path, form.config())
-    cells = text.cells(text.titles)
-    numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles)
-    texts = [title for title in text.titles if title not in numbers]
-    of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
-    dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
-    numbers |= of_day | dates
-    roles = find_roles(text.titles, numbers)
-    if roles.time and roles.nanoseconds:
-        numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
-    joint_angles = [title for title in text.titles if _JOINT_ANGLE.search(title)]
+    table = _read_columns(text.cells(text.titles), text.titles)
+    roles = table.roles
+    joint_angles = [title for title in table.titles if _JOINT_ANGLE.search(title)]
     if len(joint_angles) > 2 and not roles.orientations[1]:
         raise InputError(
             f"{path}: has angles of joints ({', '.join(joint_angles[:3])} and so on), of which no poses of "
             "receivers can be made; export positions and orientations"
         )
-    lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
-    lines += filter(None, [text.cut_off(text.titles)])
-    units = find_units(roles, numbers)
+    units = find_units(roles, table.numbers)
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
+    lines = [f"a table as text: {table.n_rows} rows, {len(table.titles)} columns; {form.sentence()}"]
+    lines += filter(None, [text.cut_off(table.titles)])
+    lines += _column_lines(table, units)
+    repeated = 0.0 if roles.receiver else _repeats(roles, table.numbers, lines)
+    if roles.orientations[1] and not roles.positions:
+        lines.append("no positions were found")
+    if roles.positions and not roles.orientations[1]:
+        lines.append("no orientations were found, which receivers need")
+    asynchronous = repeated > REPEATED_SHARE and roles.time is not None
+    pairs = [] if roles.receiver else pair_receivers(roles)
+    remarks = _remarks(roles, pairs)
+    config = _draft_config(table, units, pairs, layout, asynchronous)
+    config["csv"] = _csv(form, roles, units.time, asynchronous)
+    if roles.time in table.time_of_day | table.dates:
+        config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in table.time_of_day else DATES
+    return Description(tuple(lines + remarks), draft(path, config, (f"# {line}" for line in remarks)))
+
+
+def _read_columns(cells: Cells, titles: Sequence[str]) -> _ReadTable:
+    """Read each column as numbers, times of the day or dates, whichever its cells are."""
+    numbers = _numbers(lambda title: without_marks(cells.reals(title)), titles)
+    texts = [title for title in titles if title not in numbers]
+    of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
+    dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
+    numbers |= of_day | dates
+    roles = find_roles(titles, numbers)
+    if roles.time and roles.nanoseconds:
+        numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
+    names = cells.names_in(roles.receiver)[1] if roles.receiver else []
+    receivers = sorted(names, key=lambda name: (len(name), name))
+    return _ReadTable(titles, cells.rows, numbers, frozenset(of_day), frozenset(dates), roles, receivers)
+
+
+def _column_lines(table: _ReadTable, units: Units) -> list[str]:
+    """Return a line for each column or group of columns: its role and the range of its numbers."""
+    roles, numbers, lines = table.roles, table.numbers, []
     if roles.time:
         stated = units.time.stated
         meant = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
         and_nanoseconds = f" and {roles.nanoseconds}" if roles.nanoseconds else ""
         lines.append(rate_line(f"time column {roles.time}{and_nanoseconds}", numbers[roles.time], *meant))
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
-    receivers: list[str] = []
     if roles.receiver:
-        receivers = sorted(cells.names_in(roles.receiver)[1], key=lambda name: (len(name), name))
-        lines.append(
-            f"receiver column {roles.receiver}: one row a receiver and frame; it has {', '.join(receivers)}"
-        )
+        names = ", ".join(table.receivers)
+        lines.append(f"receiver column {roles.receiver}: one row a receiver and frame; it has {names}")
     lines += _orientation_lines(roles, numbers, units.angle)
     stated = units.position.stated
     if len(roles.positions) > MOST_LINES:  # receivers of one form in one line
@@ -213,25 +254,29 @@ def describe_table(path: Path, layout: Layout) -> Description:
     lines += [f"unit in doubt: {unit.doubt}" for unit in units if unit.doubt]
     lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
     lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
-    lines += [f"text: {', '.join(roles.text)}"] if roles.text else []
-    repeated = 0.0 if roles.receiver else _repeats(roles, numbers, lines)
-    if roles.orientations[1] and not roles.positions:
-        lines.append("no positions were found")
-    if roles.positions and not roles.orientations[1]:
-        lines.append("no orientations were found, which receivers need")
-    asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    pairs = [] if roles.receiver else pair_receivers(roles)
+    return lines + ([f"text: {', '.join(roles.text)}"] if roles.text else [])
+
+
+def _remarks(roles: Roles, pairs: Sequence[tuple[list[str], list[str]]]) -> list[str]:
+    """Return what the mapping leaves out: empty columns, and groups that lack their other half."""
     remarks = [f"empty: {', '.join(roles.empty)}"] if roles.empty else []
-    remarks += [
+    return remarks + [
         f"{' '.join(position + turning)}: no {'orientation' if position else 'position'} goes with it by its "
         "name; it is left out of the mapping"
         for position, turning in pairs
         if not (position and turning) and roles.orientations[1] and roles.positions
     ]
-    lines += remarks
-    whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
-    drafted = _receivers(roles, receivers, whole, layout)
-    # the mapping but for its `csv` group
+
+
+def _draft_config(
+    table: _ReadTable,
+    units: Units,
+    pairs: Sequence[tuple[list[str], list[str]]],
+    layout: Layout,
+    asynchronous: bool,
+) -> dict[str, Any]:
+    """Return the drafted mapping without its `csv` group."""
+    roles = table.roles
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
@@ -239,12 +284,10 @@ def describe_table(path: Path, layout: Layout) -> Description:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
     if roles.orientations[1] or not roles.positions:
         config["orientation"] = _orientation(roles, units.angle)
+    whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
-    config["receivers"] = (drafted or {CHECK: {}}, named)
-    config["csv"] = _csv(form, roles, units.time, asynchronous)
-    if roles.time in of_day or roles.time in dates:
-        config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in of_day else DATES
-    return Description(tuple(lines), draft(path, config, (f"# {line}" for line in remarks)))
+    config["receivers"] = (_receivers(roles, table.receivers, whole, layout) or {CHECK: {}}, named)
+    return config
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:

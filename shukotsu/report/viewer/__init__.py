@@ -39,7 +39,7 @@ ROTATION_STEP = 1 / 8192
 """Step of a unit quaternion's parts: a receiver is off by at most 0.014 degrees."""
 ERROR_STEP_MM = 0.01
 TIME_STEP_S = 1e-5
-FARTHEST_MM = 10_000.0
+FARTHEST_SHOWN_MM = 10_000.0
 """A tracker reaches 2 m: a point farther than this could not be shown, and becomes a gap."""
 NOMINAL_HZ = 240.0
 """Frames a second at which a recording without device times is shown."""
@@ -180,7 +180,7 @@ def _blocks(motion: HandMotion) -> list[NumberBlock]:
 
 def _near(values: Array) -> Array:
     """Return NaN for what is too far away to be shown."""
-    return np.where(np.abs(values) <= FARTHEST_MM, values, np.nan)
+    return np.where(np.abs(values) <= FARTHEST_SHOWN_MM, values, np.nan)
 
 
 def _steady_signs(quaternion: Array) -> Array:
@@ -239,7 +239,7 @@ def _skeleton(motion: HandMotion, skeleton: ShownSkeleton) -> dict[str, Any]:
     carried = skeleton.on_receivers
     seats = [  # the receiver that carries a point, and where in its frame, mm
         (motion.receivers.index(point.segment), [round(float(part), 3) for part in point.point_mm])
-        if point.segment in motion.receivers and np.linalg.norm(point.point_mm) <= FARTHEST_MM
+        if point.segment in motion.receivers and np.linalg.norm(point.point_mm) <= FARTHEST_SHOWN_MM
         else None
         for point in carried or ()
     ]

@@ -82,7 +82,9 @@ TIMES = (
         ("", "00:00:02", [np.nan, 2]),
     ],
 )
-def test_times_of_the_day(tmp_path: Path, first: str, second: str, expected: list[float]) -> None:
+def test_times_of_day_become_seconds_across_midnight(
+    tmp_path: Path, first: str, second: str, expected: list[float]
+) -> None:
     mapping = changed(WIDE, {"time_unit": "hh:mm:ss"})
     samples = read(tmp_path, TIMES.format(first, second), mapping)
     for segment in ("forearm", "hand"):
@@ -115,7 +117,7 @@ def test_a_wide_table_in_any_dress(tmp_path: Path, text: str, csv: dict[str, Any
     check_wide(read(tmp_path, text, changed(WIDE, csv)))
 
 
-def test_a_long_table(tmp_path: Path) -> None:
+def test_a_long_table_is_read_by_receiver_and_frame(tmp_path: Path) -> None:
     samples = read(tmp_path, LONG_TEXT, changed(LONG, fixed=["scapula"]))
     hand, forearm, bench = (of(samples, segment) for segment in ("hand", "forearm", "scapula"))
     np.testing.assert_array_equal(samples.frame[hand], [7, 9])
@@ -182,7 +184,9 @@ def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -
         (HEADER + ROWS, {"frame": "t"}, "line 3, column t: is '4.5'; expected a whole number"),
     ],
 )
-def test_what_is_refused(tmp_path: Path, text: str, csv: dict[str, Any], message: str) -> None:
+def test_a_table_that_contradicts_its_mapping_is_refused(
+    tmp_path: Path, text: str, csv: dict[str, Any], message: str
+) -> None:
     refuse(tmp_path, text, changed(WIDE, csv), message)
 
 

@@ -137,7 +137,7 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
         (PLAIN + xdf_chunk(4, struct.pack("<Id", 1, 1.0)), "is damaged: pyxdf cannot read it"),
     ],
 )
-def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
+def test_an_unusable_xdf_file_is_refused_by_name(tmp_path: Path, data: bytes, message: str) -> None:
     refuse(tmp_path, data, message)
 
 

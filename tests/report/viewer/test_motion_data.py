@@ -24,7 +24,7 @@ from shukotsu.report.hand_motion import Array, still_frame
 from shukotsu.report.palette import DIGIT_HUES
 from shukotsu.report.viewer import (
     ERROR_STEP_MM,
-    FARTHEST_MM,
+    FARTHEST_SHOWN_MM,
     POSITION_STEP_MM,
     NumberBlock,
     motion_text,
@@ -48,7 +48,7 @@ def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array
     return blocks
 
 
-NUMBERS = st.one_of(st.floats(-FARTHEST_MM, FARTHEST_MM), st.just(np.nan))
+NUMBERS = st.one_of(st.floats(-FARTHEST_SHOWN_MM, FARTHEST_SHOWN_MM), st.just(np.nan))
 VALUES = arrays(float, array_shapes(min_dims=3, max_dims=3, max_side=12), elements=NUMBERS)
 
 
