@@ -96,18 +96,18 @@ def test_the_words_are_of_the_columns(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
     table = joint_table(_with(fitted, model, "index_pip", **changes), LEFT, model)
-    (row,) = (row for row in table.blocks[0].rows if row[0] == "index_pip")
+    (row,) = (row for row in table.blocks[0].rows if ">index_pip<" in row[0] or row[0] == "index_pip")
     assert (row[1], row[-1]) == (believed, why)
 
 
 def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
     rows = rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand")
     block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
-    assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Moved [deg]")
+    assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Range moved [deg]")
     for row, cells in zip(rows, block.rows, strict=True):
         sd, moved = row["sd_mm"], row["range_deg"]
-        assert cells[0] == row["joint"]
-        assert cells[2:4] == ("–" if sd is None else f"{sd:.2f}", "–" if moved is None else f"{moved:.1f}")
+        assert cells[0] == f'<span id="left-{row["joint"]}">{row["joint"]}</span>'
+        assert cells[2:4] == ("–" if sd is None else f"{sd:.1f}", "–" if moved is None else f"{moved:.1f}")
     counted = [len(rows_where(rows, verdict=verdict)) for verdict in ("believe", "care", "no")]
     assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
 

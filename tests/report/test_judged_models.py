@@ -38,8 +38,8 @@ def means(results: StudyResults, metric: str) -> dict[str, float]:
 def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
     mean = means(twelve, "error_mm")
     assert model_to_take(twelve) == (
-        f"Take the model whole-hand: its joints are {mean[OURS]:.2f} mm from the true ones on average; those "
-        f"of the model paper-fig4 are {mean[PAPER]:.2f} mm off (12 subjects; p = 0.00049, corrected by Holm)."
+        f"Take the model whole-hand: its joints are {mean[OURS]:.1f} mm from the true ones on average; those "
+        f"of the model paper-fig4 are {mean[PAPER]:.1f} mm off (12 subjects; p = 0.00049, corrected by Holm)."
     )
 
 

@@ -67,6 +67,7 @@ def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> 
         figures = {results.paths.report.parent / "figures" / f"{name}.{kind}" for name in STUDY_FIGURES
                    for kind in ("svg", "pdf", "txt")}  # fmt: skip
         tables = {results.paths.study_table(name) for name in TABLES} | {results.paths.resolved}
+        tables |= {target for target in others if target.suffix == ".parquet" and target.is_file()}
         assert others <= {*pages, *shown, *figures, *tables} - {path}
         study = results.paths.report
         assert ({*pages, *shown} - {study} if path == study else {study}) <= others

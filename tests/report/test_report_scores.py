@@ -15,7 +15,8 @@ TRUTH = "Joints against the true ones, both hands: subject S01."
 
 def _mean(rows: list[dict[str, Any]], name: str) -> str:
     values = [row[name] for row in rows if row[name] is not None]
-    return f"{np.mean(values):.2f}" if values else "–"
+    decimals = 1 if name == "true_tip_mean_mm" else 2
+    return f"{np.mean(values):.{decimals}f}" if values else "–"
 
 
 def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:

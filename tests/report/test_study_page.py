@@ -55,8 +55,8 @@ def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_pag
     ]
     joints, error, findings = big_numbers(fitted)
     assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
-    assert (error.value, error.unit) == (f"{sd_mm:.2f}", "mm")
-    assert error.of.endswith(f"{sum(errors) / len(errors):.2f} mm on average")
+    assert (error.value, error.unit) == (f"{sd_mm:.1f}", "mm")
+    assert error.of.endswith(f"{sum(errors) / len(errors):.1f} mm on average")
     assert (findings.value, findings.unit) == ("0", "of 2 hands")
     text = " ".join(" ".join(read_page(fitted_study_page).text).split())
     for number in (joints, error, findings):
@@ -96,7 +96,7 @@ def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: Stud
 def test_every_joint_of_every_hand_stands_in_the_picture(
     fitted: StudyResults, fitted_study_page: str
 ) -> None:
-    """Its stated error to two decimals, its verdict as a mark; the reason is told by a pointer."""
+    """Its stated error to a decimal, its verdict as a mark; the reason is told by a pointer."""
     table = table_called(fitted_study_page, "Joints of every hand, whole-hand")
     digits, parts, *rows = table.rows
     assert parts == [*["CMC", "MCP", "IP"], *["CMC", "MCP", "PIP", "DIP"] * 4, "wrist"]
@@ -105,11 +105,13 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
     for hand, cells in zip(fitted.hands, rows, strict=True):
         joints = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
         shown = [
-            ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.2f}") + MARKS[row["verdict"]] for row in joints
+            ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.1f}") + MARKS[row["verdict"]] for row in joints
         ]
         assert sorted(cells[2:-1]) == sorted(shown)
         believed = Counter(row["verdict"] for row in joints)["believe"]
         assert cells[-1] == f"{believed}/{len(joints)}"
+        for row in rows_where(joints, verdict="care"):
+            assert f'subject.html#{hand.hand}-{row["joint"]}">◆</a>' in fitted_study_page
     assert 'title="has no place: too few frames (3)"' in fitted_study_page
 
 

@@ -85,7 +85,7 @@ def test_every_subject_is_drawn() -> None:
     assert len(places) == 32
     row, along = np.sort(places[places[:, 1] < places[:, 1].min() + 7][:, 0]), np.arange(1.0, 32)
     np.testing.assert_allclose(row, np.polyval(np.polyfit(along, row, 1), along), atol=0.1)
-    for text in (">1.00 (n = 1)<", "a &amp; b", "Thumb &lt;1&gt;"):
+    for text in (">1.0 (n = 1)<", "a &amp; b", "Thumb &lt;1&gt;"):
         assert text in picture
 
 
