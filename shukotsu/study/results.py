@@ -69,7 +69,7 @@ MOVEMENT_COMPARISONS = ("movement_differences", "movement_reliability")
 
 
 STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion")
-"""Figures of a study for print; one without data consists of a sentence that says so."""
+"""Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")
 """A figure's files: two of the drawing, and its caption."""
