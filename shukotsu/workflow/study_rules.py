@@ -112,7 +112,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or 'the study'}"
-        if str(rule.output[0]).endswith("/plan.json"):  # outdated plans are rewritten when a run begins
+        if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
             continue
         rule.set_params(code=code)
         named = {name for name, _ in rule.params._allitems()}
