@@ -70,6 +70,11 @@ def join_reasons(reasons: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(filter(None, reasons)))
 
 
+def count_of(n: int, noun: str) -> str:
+    """Return so many things: 1 subject, 2 subjects."""
+    return f"{n} {noun}{'' if n == 1 else 's'}"
+
+
 def list_names(names: Sequence[str], most: int = 8) -> str:
     """Name the first of what a file holds, and how many more there are; "none" where it holds nothing."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
 from shukotsu.commands.inspect_file import describe
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.file_formats import FORMATS, MAPPED
 from shukotsu.tables.line_printer import progress
 
@@ -128,7 +128,7 @@ def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str])
     if not rows:
         return f"write a row a recording into {folder / 'recordings.tsv'}"
     filled = f", and fill in the {empty} that their names leave open" if empty else ""
-    what = f"look over the {len(rows)} rows of {folder / 'recordings.tsv'}, drafted from names{filled}"
+    what = f"look over {folder / 'recordings.tsv'} ({count_of(len(rows), 'row')}), drafted from names{filled}"
     if mappings:
         verb = "says" if len(mappings) == 1 else "say"
         what += f"; put the truth where {list_names(mappings)} in {folder} {verb} CHECK"

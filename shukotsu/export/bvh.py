@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.export.gaps import largest_time_error_s
 from shukotsu.export.motion import (
     MOVES_MM,
@@ -150,7 +150,8 @@ def _losses(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
     moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
     if moving:
         sentences.append(
-            f"a skeleton of rotations alone: {len(moving)} joints move against the bone before and have "
+            f"a skeleton of rotations alone: against the bone before move "
+            f"{count_of(len(moving), 'joint')}, with "
             "positions, in a joint of their own; --bones stiff keeps bones at their length"
         )
     late_s = largest_time_error_s(motion)

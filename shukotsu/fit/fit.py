@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.fit.chain import HandModel, hand_model
 from shukotsu.fit.compiled_equations import Jacobian, pose, reduce, residuals, weighted_jacobians
 from shukotsu.fit.free_joints import free_joints
@@ -347,7 +347,8 @@ def _choose_frames(
         usable = usable[usable < end]
     if len(usable) < 2:
         raise InputError(
-            f"{len(usable)} frames have half of the {worn} receivers valid; expected 2 or more: record the "
+            f"half of the receivers worn ({worn}) are valid in {count_of(len(usable), 'frame')}; "
+            f"expected 2 or more: record the "
             "receivers together"
         )
     seen = [receivers[i] for i in np.flatnonzero(np.any(frames.valid, axis=0)).tolist()]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
 
+from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems
 from shukotsu.report.study_results import Row, StudyResults, hand_of
 from shukotsu.report.table_cells import DASH, format_value, p_text
@@ -102,9 +103,9 @@ def model_to_take(results: StudyResults) -> str:
     sentence = _amount(judged, leading, row["mean"])
     amounts = {"other": row["other"], "amount": format_value(judged.metric, row["other_mean"])}
     if row["other"] == PRIOR:
-        sentence += tr("; anatomy alone, without data, by {amount} mm", **amounts)
+        sentence += tr("; {amount} mm with anatomy alone, without data", **amounts)
     else:
-        sentence += tr("; those of the model {other} are {amount} mm off", **amounts)
+        sentence += tr("; {amount} mm with the model {other}", **amounts)
     test = ngettext("{n} subject", "{n} subjects", row["n_compared_subjects"])
     if row["smallest_p_holm"] > LEVEL:
         test = tr("{subjects}, too few to test the difference", subjects=test)
@@ -121,7 +122,8 @@ def _amount(judged: JudgedModels, model: str, mean: float) -> str:
         return tr("Take the model {model}: its joints are {mean} mm from the true ones on average", **values)
     if judged.metric == LEFT_OUT:
         return tr(
-            "Take the model {model}: it misses fingertip receivers that are hidden from it by {mean} mm",
+            "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it "
+            "has not seen",
             **values,
         )
     return tr("Take the model {model}: its fingertips are {mean} mm from the true ones on average", **values)
@@ -138,11 +140,14 @@ class BigNumber(NamedTuple):
 def used_text(results: StudyResults) -> str:
     """Write in a sentence how many of the recordings were used, and whether they are simulated."""
     statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
+    used = [each for each in results.recordings if results.status_of(each)[0] == "used"]
+    in_doubt = sum(each.hand in results.suspect for each in used)
     others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
+    others += [tr("{n} in no statistic, for what was found", n=in_doubt)] * (in_doubt > 0)
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
-    used = tr("{n} of {total} used", n=statuses["used"], total=total)
-    used += f" ({listed(others)})" if others else ""
-    return used + (
+    text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
+    text += f" ({listed(others)})" if others else ""
+    return text + (
         tr("; simulated, so no person's hand is behind these numbers") if results.simulated else ""
     )
 
@@ -163,14 +168,15 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     if unworn := len(every) - len(rows):
         of_joints += tr("; for {n} more no receiver was worn", n=unworn)
     suspects = len({hand_of(row) for row in results.findings})
-    mistaken = tr("have recordings in which a mistake was found")
+    several = 1 if 1 in (suspects, len(results.hands)) else 2  # 1 of 4 hands has, 0 of 1 hand has
+    mistaken = ngettext("has recordings with a mistake", "have recordings with a mistake", several)
     return (
         BigNumber(str(believed), tr("of {total}", total=total), of_joints),
         _typical_error(results, model, rows, total),
         BigNumber(
             str(suspects),
             tr("of {total}", total=hands_counted(results, len(results.hands))),
-            mistaken + (tr(", and are in no statistic unless accepted") if suspects else ""),
+            mistaken + (tr(", in no statistic unless accepted") if suspects else ""),
         ),
     )
 
@@ -202,8 +208,12 @@ def hands_counted(results: StudyResults, n: int) -> str:
 
 def numbers_texts(results: StudyResults) -> list[str]:
     """Return the numbers, a sentence each."""
-    numbers = (number._asdict() for number in big_numbers(results))
-    return [tr("{value} {unit} {of}.", **number).replace("  ", " ") for number in numbers]
+    return [
+        tr("{value} {unit} {of}.", **number._asdict())
+        if number.unit
+        else tr("{of}.", of=number.of.capitalize())
+        for number in big_numbers(results)
+    ]
 
 
 WIDTH, MOST_PROBLEMS = 79, 3
@@ -211,9 +221,10 @@ WIDTH, MOST_PROBLEMS = 79, 3
 
 
 def outcome_text(results: StudyResults) -> str:
-    """Return the study's numbers and its sentence as plain text, then the gravest problems."""
+    """Return the study's numbers and sentences as plain text, then the gravest problems."""
     problems = all_problems(results)
     lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
+    lines += filter(None, [care_line(results), next_step(results)])
     lines += [
         f"- {problem.where}: {in_quotes(problem.text)} {problem.places}".rstrip()
         for problem in problems[:MOST_PROBLEMS]

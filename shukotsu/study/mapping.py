@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.config_files import check_config, read_yaml
 from shukotsu.tables.limits import MM_PER_UNIT
 
@@ -134,7 +134,7 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
     for segment, receiver in config["receivers"].items():
         odd = [key for key in receiver if key not in reads]
         if odd:
-            what = f"csv with {rows} rows" if form == "csv" else form
+            what = " ".join(("csv with", rows, "rows")) if form == "csv" else form
             yield (
                 f"receivers.{segment}.{odd[0]}: does not belong to {what}, which reads "
                 f"{', '.join(reads) or 'no key here'}; leave it out"
@@ -190,7 +190,7 @@ def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
     for path, group in groups:
         columns, kind = group.get("orientation", []), config["orientation"]["kind"]
         if columns and len(columns) != _NUMBERS[kind]:
-            yield f"{path}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+            yield f"{path}.orientation: has {count_of(len(columns), 'column')}; {kind} means {_NUMBERS[kind]}"
         for key in ("position", "orientation", "time", "nanoseconds", "quality", "frame", "receiver"):
             cell = group.get(key, [])
             for column in cell if isinstance(cell, list) else [cell]:

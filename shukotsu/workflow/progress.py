@@ -11,6 +11,8 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any, TextIO
 
+from shukotsu.errors import count_of
+
 SHOWN = "SHUKOTSU_SHOWN"
 """Environment variable by which `shukotsu run` asks for what is shown."""
 PROGRESS, EVERYTHING = "progress", "everything"
@@ -81,7 +83,7 @@ class Progress(logging.Filter):
         """Take the line away; say how many jobs failed, whose reasons were shown, and where the log is."""
         self.clear()
         if self.failed:
-            failed = f"{self.failed} of {self.total} jobs failed, for the reasons above"
+            failed = f"{self.failed} of {count_of(self.total, 'job')} failed, for the reasons above"
             print(f"{failed}; Snakemake's log: {', '.join(logs)}", file=self.stream, flush=True)
 
     def clear(self) -> None:
@@ -115,7 +117,11 @@ class Progress(logging.Filter):
         self.left -= _weight(self.rule_of[job])
         is_tenth = self.ended * 10 // self.total > (self.ended - 1) * 10 // self.total
         if is_tenth and not self.stream.isatty():
-            print(f"{self.ended} of {self.total} jobs done{self._time_left()}", file=self.stream, flush=True)
+            print(
+                f"{self.ended} of {count_of(self.total, 'job')} done{self._time_left()}",
+                file=self.stream,
+                flush=True,
+            )
 
     def _time_left(self) -> str:
         if self.left > 0.9 * self.weight or not self.left:  # too early to know, or done

@@ -1,4 +1,4 @@
-"""What is shown while a study runs: a line that is updated, or plain lines; never what went wrong left out."""
+"""What is shown while a study runs: a line that is updated, or plain lines; and always what went wrong."""
 
 import io
 import logging
@@ -14,7 +14,10 @@ RULES = ["capture", "fit_hand", "report", TARGET]
 
 
 class Terminal(io.StringIO):
+    """A stream that says that it is a terminal."""
+
     def isatty(self) -> bool:
+        """Return True."""
         return True
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
@@ -81,7 +81,7 @@ class TextForm:
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
         text += ", a header" if self.header else ", no header"
         text += f", comments after {self.comment}" if self.comment else ""
-        return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
+        return text + (f", {count_of(self.skip_lines, 'line')} before it" if self.skip_lines else "")
 
 
 def detect_form(path: Path) -> TextForm:
@@ -182,7 +182,10 @@ def describe_table(path: Path, layout: Layout) -> Description:
             f"{path}: has angles of joints ({', '.join(joint_angles[:3])} and so on), of which no poses of "
             "receivers can be made; export positions and orientations"
         )
-    lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
+    lines = [
+        f"a table as text: {count_of(cells.rows, 'row')}, {count_of(len(text.titles), 'column')}; "
+        f"{form.sentence()}"
+    ]
     lines += filter(None, [text.cut_off(text.titles)])
     units = find_units(roles, numbers)
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
@@ -206,7 +209,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
         widest = max(
             roles.positions, key=lambda g: float(np.nanmax(np.ptp(_rows(numbers, g), axis=0), initial=0))
         )
-        what = f"positions of {len(roles.positions)} receivers, the widest {' '.join(widest)}"
+        what = f"positions of {count_of(len(roles.positions), 'receiver')}, the widest {' '.join(widest)}"
         lines.append(extent_line(what, _rows(numbers, widest), stated))
     else:
         lines += [extent_line(f"position {' '.join(g)}", _rows(numbers, g), stated) for g in roles.positions]
@@ -304,7 +307,7 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
                 "receivers are not in step with the rows, or did not move"
             )
         if zeros := int((rows == 0).all(-1).sum()):
-            lines.append(f"{name}: {zeros} rows are all zeros; zeros may stand for 'no value'")
+            lines.append(f"{name}: all zeros in {count_of(zeros, 'row')}; zeros may stand for 'no value'")
     return worst
 
 
@@ -438,7 +441,7 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
         ) from None
     lines = [
         f"table {metadata['schema']} (version {metadata['schema_version']}) of {metadata['program']} "
-        f"{metadata['program_version']}: {rows} rows"
+        f"{metadata['program_version']}: {count_of(rows, 'row')}"
     ]
     lines += [
         f"column {name} [{column['unit'] or '-'}]: {column['description']}"
@@ -459,7 +462,10 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
         np.concatenate([part.times_s("time_s", "s") for part in parts]),
     )
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
-    lines = [f"{len(frames)} rows, frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"]
+    lines = [
+        f"{count_of(len(frames), 'row')}, frames {frames.min()} to {frames.max()}, "
+        f"{len(np.unique(frames))} of them"
+    ]
     if SEGMENT in parts[0].names:
         segments = list(dict.fromkeys(name for part in parts for name in part.names_in(SEGMENT)[1]))
         lines.append(f"segments: {', '.join(segments)}")
@@ -471,7 +477,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     if np.isfinite(time_s).any():
         lines.append(rate_line("time_s", time_s, ["s"]))
     whole = np.isfinite(numbers).all(-1)
-    lines.append(f"{(~whole).sum()} of {len(whole)} rows lack a number and stay gaps")
+    lines.append(f"stay gaps, for want of a number: {(~whole).sum()} of {count_of(len(whole), 'row')}")
     lines.append(extent_line("positions", numbers[:, :3]))
     norm = np.linalg.norm(numbers[:, 3:], axis=-1)
     return [*lines, f"quaternions: median norm {np.nanmedian(norm):.5f}"] if whole.any() else lines
