@@ -70,9 +70,10 @@ def join_reasons(reasons: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(filter(None, reasons)))
 
 
-def count_of(n: int, noun: str) -> str:
-    """Return so many things: 1 subject, 2 subjects."""
-    return f"{n} {noun}{'' if n == 1 else 's'}"
+def count_of(n: int, noun: str, verb: str = "") -> str:
+    """Return so many things, with their verb, which is passed in the plural: 1 row is, 2 rows are."""
+    one = {"": "", "are": " is", "have": " has"}.get(verb, f" {verb}s")
+    return f"{n} {noun}{one}" if n == 1 else f"{n} {noun}s {verb}".rstrip()
 
 
 def list_names(names: Sequence[str], most: int = 8) -> str:

@@ -121,7 +121,7 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
     """Fit the hand to all frames. Raises InputError where these are too few, or show no hand."""
     if len(poses.frame) < LEAST_FRAMES:
         raise InputError(
-            f"{count_of(len(poses.frame), 'frame')}: too few for an estimate; expected {LEAST_FRAMES}"
+            f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
         )
     try:
         fit = fit_hand(
@@ -228,7 +228,7 @@ class Coach:
         if self.findings:
             return f"Not calibrated: {self.findings[0]}"
         if self.estimate is None:
-            return f"Not calibrated: no hand is seen yet in {count_of(self.frames, 'frame')}."
+            return f"Not calibrated: {count_of(self.frames, 'frame', 'show')} no hand yet."
         left, seconds = self.estimate.open_joints, self.time_s - self._began_s
         n_joints = len(self.estimate.rows)
         text = f"{n_joints - len(left)} of {count_of(n_joints, 'joint')} good enough after {seconds:.0f} s"

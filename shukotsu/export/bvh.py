@@ -150,9 +150,8 @@ def _losses(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
     moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
     if moving:
         sentences.append(
-            f"a skeleton of rotations alone: against the bone before move "
-            f"{count_of(len(moving), 'joint')}, with "
-            "positions, in a joint of their own; --bones stiff keeps bones at their length"
+            f"a skeleton of rotations alone: {count_of(len(moving), 'joint', 'move')} against the bone "
+            "before, with positions, in a joint of their own; --bones stiff keeps bones at their length"
         )
     late_s = largest_time_error_s(motion)
     if late_s > _NOTABLE_S:

@@ -444,7 +444,7 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
         most = {f.name: _largest(np.stack([shift.values for shift in f.shifts], -1)) for f in shifted}
         worst = max(most, key=lambda name: most[name])
         remarks.append(
-            f"against the bone before move {count_of(len(shifted), 'joint')}, with coordinates _tx, "
+            f"{count_of(len(shifted), 'joint', 'move')} against the bone before, with coordinates _tx, "
             f"_ty, _tz, up to "
             f"{most[worst]:.3f} mm ({worst}); _ik.osim locks them at zero; --bones stiff gives a model "
             "without"

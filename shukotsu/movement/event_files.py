@@ -99,7 +99,7 @@ def read_midi(path: Path) -> Events:
         else:
             n_others += not message.is_meta
     n_open = sum(map(len, sounding.values()))
-    remarks = [f"without a note off: {count_of(n_open, 'note')}"] * (n_open > 0)
+    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] * (n_open > 0)
     remarks += [f"{n_others} messages that are no notes are left out"] * (n_others > 0)
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
 

@@ -321,11 +321,11 @@ def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
     if min(n, m) == 0:
         row["message"] = f"no subject has a value at {'both levels' if is_within else 'one of the levels'}"
     elif is_within and n < FEWEST_SUBJECTS:
-        row["message"] = (
-            f"not tested: {count_of(n, 'subject')} with both levels, a test needs {FEWEST_SUBJECTS}"
-        )
+        row["message"] = f"not tested: {n} with both levels, a test needs {FEWEST_SUBJECTS} subjects"
     elif not is_within and min(n, m) < FEWEST_IN_GROUP:
-        row["message"] = f"not tested: groups of {n} and {m}, a test needs {FEWEST_IN_GROUP} subjects in each"
+        row["message"] = (
+            f"not tested: groups of {n} and {count_of(m, 'subject')}, a test needs {FEWEST_IN_GROUP} in each"
+        )
     elif result is not None:
         row |= {"p": result.p, "test": "signs flipped" if is_within else "Welch's t, Cochran's p"}
         row["low"], row["high"] = result.interval or (None, None)

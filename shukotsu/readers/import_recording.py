@@ -63,7 +63,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
-    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
+    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping, arguments.hand)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
     parts_without_rows: list[Samples] = []
 

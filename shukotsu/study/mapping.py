@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,18 +38,22 @@ class FileMapping:
         return group
 
 
-def read_mapping(path: Path) -> FileMapping:
+def read_mapping(path: Path, hand: str = "right") -> FileMapping:
     """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
-    return mapping_from_config(read_yaml(path, "mapping"), str(path))
+    return mapping_from_config(read_yaml(path, "mapping"), str(path), hand)
 
 
-def mapping_from_config(loaded: Any, where: str) -> FileMapping:
-    """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
+def mapping_from_config(loaded: Any, where: str, hand: str = "right") -> FileMapping:
+    """Check a loaded mapping, fill in its defaults; `where` names it in messages; hand : whose receivers."""
     if isinstance(loaded, dict) and (fault := next(_first_faults(loaded), "")):
         raise InputError(f"{where}: {fault}")
     config = check_config(loaded, "mapping", where)
     if fault := next(_faults(config, loaded.keys()), ""):
         raise InputError(f"{where}: {fault}")
+    if "left_receivers" in config:
+        others = {key: value for key, value in loaded.items() if key != "left_receivers"}
+        of_left = mapping_from_config(others | {"receivers": loaded["left_receivers"]}, where)
+        return of_left if hand == "left" else replace(of_left, receivers=config["receivers"])
     return FileMapping(
         where,
         config["format"],

@@ -249,12 +249,12 @@ def _lost(survey: Survey) -> Iterator[str]:
     frames = losses.all.frame - losses.first_frame + 1
     if len(whole):
         yield (
-            f"missing for all receivers: {losses.all.lost} of {count_of(frames, 'frame')} "
+            f"{losses.all.lost} of {count_of(frames, 'frame', 'are')} missing for all receivers "
             f"(at {_places(survey, whole[:, 1], whole[:, 2] - whole[:, 1] + 1)})"
         )
     if len(survey.partial_frames):
         yield (
-            f"without a receiver: {len(survey.partial_frames)} of {count_of(frames, 'frame')} "
+            f"{len(survey.partial_frames)} of {count_of(frames, 'frame', 'lack')} a receiver "
             f"(at {_places(survey, survey.partial_frames)})"
         )
     ends_s = losses.silent_ends_s(survey.tally.started_ns, survey.tally.ended_ns)

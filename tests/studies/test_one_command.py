@@ -36,7 +36,7 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     study = folder / "study.yaml"
     study.write_text(study.read_text().replace("[rigid, paper-fig4, whole-hand]", "[rigid]"))
 
-    assert "1 subjects, 1 recordings, 1 models" in shukotsu(folder, "check").stdout
+    assert "1 subject, 1 recording, 1 model" in shukotsu(folder, "check").stdout
     early = shukotsu(folder, "report")
     assert (early.returncode, early.stdout) == (2, "")
     assert "is not there yet; run `shukotsu run study.yaml` in this folder first" in early.stderr

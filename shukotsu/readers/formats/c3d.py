@@ -340,7 +340,7 @@ def open_c3d(path: Path) -> C3dFile:
     doubts = [f"{zeros.sum()} points at 0, 0, 0 are taken for not seen"] if zeros.any() else []
     if more_bytes > _BLOCK and not rotations.size:
         doubts += [
-            f"read are {count_of(len(points), 'frame')}, but the file goes on behind them; see that "
+            f"{count_of(len(points), 'frame', 'are')} read, but the file goes on behind them; see that "
             f"this is all"
         ]
     unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()

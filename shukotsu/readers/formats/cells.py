@@ -57,7 +57,11 @@ class Cells:
         empty_rows: int = 0,
     ) -> None:
         self.locate = locate
-        self.dropped = (f"left out: {count_of(empty_rows, 'row')} without any cell",) if empty_rows else ()
+        self.dropped = (
+            (f"{count_of(empty_rows, 'row')} without any cell {'is' if empty_rows == 1 else 'are'} left out",)
+            if empty_rows
+            else ()
+        )
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
         self._missing = []  # the numbers that stand for no value, whatever their decimal mark

@@ -39,10 +39,17 @@ from shukotsu.readers.inspection.column_roles import (
     find_units,
     pair_receivers,
 )
-from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line, rate_line
+from shukotsu.readers.inspection.description import (
+    CHECK,
+    Description,
+    draft,
+    extent_line,
+    median_step,
+    rate_line,
+)
 from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import Layout
-from shukotsu.tables.limits import SECONDS_PER_UNIT, UNIT_NAMES
+from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
 from shukotsu.tables.text_files import NO_VALUE, open_text
 from shukotsu.tables.typed_table import read_metadata
 
@@ -234,16 +241,27 @@ def describe_table(path: Path, layout: Layout) -> Description:
     lines += remarks
     whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
     drafted = _receivers(roles, receivers, whole, layout)
+    left: dict[str, Any] = {}
+    if halves := _by_station(drafted, layout):
+        drafted, left = halves
+        if roles.time and units.time.unit == CHECK:
+            units = units._replace(time=_time_of_tracker(units.time, numbers[roles.time]))
     # the mapping but for its `csv` group
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
+    if units.position.unit == CHECK and len(roles.positions) > 3:
+        near = _nearest(np.stack([_rows(numbers, group) for group in roles.positions], 1))
+        config["position_unit"] = (CHECK, f"{units.position.why}{near}")
     if roles.orientations[1] or not roles.positions:
         config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
+    if halves:
+        named = f"{CHECK}: in the order of stations of layout {layout.name}; is it so? The poses will tell"
     config["receivers"] = (drafted or {CHECK: {}}, named)
+    config |= {"left_receivers": (left, "those after the right hand's")} if left else {}
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day or roles.time in dates:
         config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in of_day else DATES
@@ -307,7 +325,7 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
                 "receivers are not in step with the rows, or did not move"
             )
         if zeros := int((rows == 0).all(-1).sum()):
-            lines.append(f"{name}: all zeros in {count_of(zeros, 'row')}; zeros may stand for 'no value'")
+            lines.append(f"{name}: {count_of(zeros, 'row', 'are')} all zeros; zeros may stand for 'no value'")
     return worst
 
 
@@ -353,6 +371,55 @@ def _receivers(
         key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
         config[key] = (columns, _doubt(roles, position + turning))
     return config
+
+
+def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Name receivers, none of which has a segment's name, by the layout's stations: the right hand's first.
+
+    None where they are no whole hand, nor two, and where the layout has no stations. Receivers with a number
+    each in their names are in its order, else in the file's.
+    """
+    stations = {name: layout.segments[name].receiver for name in layout.measured}
+    if None in stations.values() or not all(key.startswith(CHECK) for key in drafted):
+        return None
+    numbers = [re.findall(r"\d+", str(next(iter(entry[0].values())))) for entry in drafted.values()]
+    each = [int(found[0]) for found in numbers if found and len({*found}) == 1]
+    entries = [*drafted.values()]
+    if len({*each}) == len(entries):
+        entries = [entries[index] for index in np.argsort(each)]
+    for worn in (layout.expected, layout.measured):
+        ordered = sorted(worn, key=lambda name: stations[name] or 0)
+        right, left = entries[: len(ordered)], entries[len(ordered) :]
+        if len(right) == len(ordered) and len(left) in (0, len(ordered)):
+            return tuple(dict(zip(ordered, part, strict=False)) for part in (right, left))  # type: ignore[return-value]
+    return None
+
+
+_TRACKERS_HZ = 5, 2000
+"""Rates that trackers have."""
+
+
+def _time_of_tracker(unit: Unit, time: Array) -> Unit:
+    """Return the one unit in which times have a rate that a tracker has; the same where there is none."""
+    step = median_step(time)
+    hz = {} if step is None else {name: 1 / (step * seconds) for name, seconds in SECONDS_PER_UNIT.items()}
+    meant = [name for name, rate in hz.items() if _TRACKERS_HZ[0] < rate < _TRACKERS_HZ[1]]
+    return Unit(meant[0], f"{hz[meant[0]]:.4g} Hz; in another unit no tracker's") if len(meant) == 1 else unit
+
+
+_NEAREST_MM = 30.0
+"""About so far is the next receiver on a hand that wears one a phalanx."""
+
+
+def _nearest(position: Array) -> str:
+    """Write how far the next one is from a receiver, positions (T, R, 3), and in which unit a hand's is."""
+    seen = position[np.isfinite(position).all((1, 2))][:1]
+    if not len(seen):
+        return ""
+    apart = np.linalg.norm(seen[0][:, None] - seen[0], axis=-1) + np.diag(np.full(len(seen[0]), np.inf))
+    near = float(np.median(apart.min(0)))
+    unit = min(MM_PER_UNIT, key=lambda name: abs(np.log(max(near * MM_PER_UNIT[name], 1e-9) / _NEAREST_MM)))
+    return f"; the next receiver is {near:.2g} of it away, which on one hand is {unit}"
 
 
 def _doubt(roles: Roles, titles: Sequence[str]) -> str:
@@ -477,7 +544,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     if np.isfinite(time_s).any():
         lines.append(rate_line("time_s", time_s, ["s"]))
     whole = np.isfinite(numbers).all(-1)
-    lines.append(f"stay gaps, for want of a number: {(~whole).sum()} of {count_of(len(whole), 'row')}")
+    lines.append(f"{(~whole).sum()} of {count_of(len(whole), 'row')} lack a number and stay gaps")
     lines.append(extent_line("positions", numbers[:, :3]))
     norm = np.linalg.norm(numbers[:, 3:], axis=-1)
     return [*lines, f"quaternions: median norm {np.nanmedian(norm):.5f}"] if whole.any() else lines
