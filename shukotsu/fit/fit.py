@@ -347,7 +347,7 @@ def _choose_frames(
         usable = usable[usable < end]
     if len(usable) < 2:
         raise InputError(
-            f"{count_of(len(usable), 'frame', 'have')} half of the {worn} receivers valid; "
+            f"{count_of(len(usable), 'frame', 'have')} half of the {count_of(worn, 'receiver')} valid; "
             f"expected 2 or more: record the "
             "receivers together"
         )

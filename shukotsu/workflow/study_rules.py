@@ -46,7 +46,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
-        notes += [study.what_is_not_as_made()] if workflow.is_main_process else []
+        notes += [study.what_is_not_as_made(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
         raise WorkflowError(str(error)) from None
     _note(*notes)

@@ -13,10 +13,8 @@ from babel.messages.catalog import Message as Translation
 from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
 from babel.messages.frontend import parse_mapping_cfg
 from babel.messages.pofile import read_po
-from matplotlib import font_manager
 from report_samples.made_study import MadeStudy
 
-from shukotsu.errors import InputError
 from shukotsu.report import templates
 from shukotsu.report.figures import style
 from shukotsu.report.recording_page import recording_page
@@ -126,13 +124,15 @@ def test_nothing_of_a_japanese_report_is_left_in_english(fitted_study: MadeStudy
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))
 
 
-def test_where_no_font_writes_the_language_one_sentence_says_what_to_install(
+def test_where_no_font_writes_the_language_only_figures_for_print_are_english(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(font_manager.fontManager, "ttflist", [])
-    monkeypatch.setattr(font_manager, "findSystemFonts", list)
-    style._seek_fonts.cache_clear()
-    with pytest.raises(InputError, match=r"language: ja: its figures need a font.*fonts-ipaexfont-gothic"):
-        style.check_font("ja")
-    style.check_font("en")
-    style._seek_fonts.cache_clear()
+    """With a note that says what to install; pages, whose reader has fonts, keep their letters."""
+    monkeypatch.setattr(style, "font_of", lambda _: None)
+    assert (style.print_language("ja"), style.print_language("en"), style.font_note("en")) == ("en", "en", "")
+    note = style.font_note("ja")
+    assert note.startswith("language: ja: none of the fonts ")
+    assert "figures for print are in English; install one" in note
+    assert "fonts-ipaexfont-gothic" in note
+    with speaking("ja"):
+        assert style.label("関節\0") == "関節\\x00"
