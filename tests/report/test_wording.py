@@ -19,7 +19,7 @@ from shukotsu.report import templates
 from shukotsu.report.figures import style
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.templates import languages, speaking
-from shukotsu.translation import END, FOREIGN, translated
+from shukotsu.translation import END, FOREIGN, translated, word
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 REPORT = REPOSITORY / "shukotsu" / "report"
@@ -63,6 +63,30 @@ def test_every_text_has_a_translation_and_every_translation_a_text(code: str) ->
         for translation in translations:
             assert _places(translation) in [_places(text) for text in english], english
             assert not re.search(r"[<>]", translation), english
+
+
+def test_japanese_has_one_word_for_a_thing_and_one_style() -> None:
+    """The glossary's words alone, in the report and in the guide; plain forms, full-width marks."""
+    lines = (templates.CATALOGUES / "ja.glossary.tsv").read_text("utf-8").splitlines()
+    header, *terms = (line.split("\t") for line in lines)
+    assert header == ["english", "japanese", "not"]
+    assert len({english for english, *_ in terms}) == len(terms) >= 30
+    said = [text for message in _catalogue("ja") if message.id for text in _texts(message)[1]]
+    guide = [
+        path.read_text("utf-8") for path in [*REPOSITORY.rglob("docs/*.ja.md"), REPOSITORY / "README.ja.md"]
+    ]
+    everything = "\n".join(said + guide)
+    assert [word for _, word, _ in terms if word not in everything] == []
+    assert [word for *_, others in terms for word in others.split("、") if word in everything] == []
+    report = re.sub(r"`[^`]*`|\{[^{}]*\}|%\(\w+\)s", "", "\n".join(said))
+    assert re.findall(r".*(?:です|ます|ません|ください).*", report) == []
+    assert re.findall(r".*[ぁ-んァ-ヶ一-龥][(:;].*", report) == []
+
+
+def test_joints_have_the_fields_names_in_japanese() -> None:
+    with speaking("ja"):
+        names = [word(name) for name in ("thumb_cmc", "index_mcp", "little_distal", "wrist")]
+    assert names == ["母指CM関節", "示指MCP関節", "小指末節骨", "手関節"]
 
 
 def test_a_script_says_nothing_in_words_of_its_own() -> None:

@@ -176,7 +176,8 @@ def font_note(name: str) -> str:
         return ""
     return (
         f"language: {name}: none of the fonts {', '.join(_fonts_of(name))} is installed, so figures for "
-        "print are in English; install one (on Debian and Ubuntu: sudo apt-get install fonts-ipaexfont-gothic)"
+        "print are in English; install one (on Debian and Ubuntu: sudo apt-get install "
+        "fonts-ipaexfont-gothic)"
     )
 
 
