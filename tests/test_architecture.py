@@ -132,7 +132,7 @@ def test_a_checkout_is_the_same_on_any_file_system() -> None:
 
 
 NOUNS = re.compile(
-    r" (subject|recording|row|model|hand|joint|receiver|frame|file|session|segment|column|line|cell|job)s\b"
+    r" (subject|recording|row|model|hand|joint|receiver|frame|file|session|segment|point|column|cell|job)s\b"
 )
 
 

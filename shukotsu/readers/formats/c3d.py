@@ -337,7 +337,9 @@ def open_c3d(path: Path) -> C3dFile:
         raise InputError(f"{path}: has no frames; export it again")
     frame_bytes = (4 * per_frame + analogs) * (4 if scale < 0 else 2)
     more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
-    doubts = [f"{zeros.sum()} points at 0, 0, 0 are taken for not seen"] if zeros.any() else []
+    at_zero = int(zeros.sum())
+    taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} taken for not seen"
+    doubts = [taken] * (at_zero > 0)
     if more_bytes > _BLOCK and not rotations.size:
         doubts += [
             f"{count_of(len(points), 'frame', 'are')} read, but the file goes on behind them; see that "
