@@ -70,6 +70,12 @@ def join_reasons(reasons: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(filter(None, reasons)))
 
 
+def count_of(n: int, noun: str, verb: str = "") -> str:
+    """Return so many things, with their verb, which is passed in the plural: 1 row is, 2 rows are."""
+    one = {"": "", "are": " is", "have": " has"}.get(verb, f" {verb}s")
+    return f"{n} {noun}{one}" if n == 1 else f"{n} {noun}s {verb}".rstrip()
+
+
 def list_names(names: Sequence[str], most: int = 8) -> str:
     """List the first few names and the number of the others; "none" where there is no name."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

@@ -99,7 +99,8 @@ def _shown(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 _PARTS: Mapping[str, str] = {
-    "cmc": "CMC", "mcp": "MCP", "pip": "PIP", "dip": "DIP", "ip": "IP", "tip": N_("fingertip"),
+    "cmc": N_("CMC"), "mcp": N_("MCP"), "pip": N_("PIP"), "dip": N_("DIP"), "ip": N_("IP"),
+    "tip": N_("fingertip"),
     "metacarpal": N_("metacarpal"), "proximal": N_("proximal phalanx"), "middle": N_("middle phalanx"),
     "distal": N_("distal phalanx"),
 }  # fmt: skip
@@ -125,5 +126,4 @@ def word(name: str) -> str:
     if match is None or match[2] not in _PARTS:
         translation = tr(small)
         return translation if translation != small else name
-    part = tr(_PARTS[match[2]])
-    return tr(match[1]) + (" " if part.isascii() else "") + part
+    return tr(match[1]) + tr(_PARTS[match[2]])

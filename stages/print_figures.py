@@ -34,7 +34,7 @@ def draw(arguments: argparse.Namespace) -> None:
     """Read the study's results and write every figure; say on stderr which has no data."""
     from shukotsu.report.figures import recording_figures
     from shukotsu.report.figures.study_figures import of_study, save
-    from shukotsu.report.figures.style import check_font
+    from shukotsu.report.figures.style import font_note, print_language
     from shukotsu.report.study_results import read_results
     from shukotsu.report.templates import speaking
     from shukotsu.study.study import read_study
@@ -43,8 +43,9 @@ def draw(arguments: argparse.Namespace) -> None:
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)
     folder = arguments.out
-    check_font(study.language)
-    with speaking(study.language):
+    if note := font_note(study.language):
+        print(f"note: {note}", file=sys.stderr)
+    with speaking(print_language(study.language)):
         if arguments.recording:
             recording = recording_figures.find_recording(results, *arguments.recording)
             folder = folder / recording.hand.folder / recording.name
@@ -54,7 +55,11 @@ def draw(arguments: argparse.Namespace) -> None:
         for drawing in drawings:
             save(folder, drawing)
             if drawing.missing:
-                why = drawing.missing if study.language == ENGLISH else "not drawn; the caption says why"
+                why = (
+                    drawing.missing
+                    if print_language(study.language) == ENGLISH
+                    else "not drawn; the caption says why"
+                )
                 print(f"{folder / drawing.name}: {why}", file=sys.stderr)
 
 

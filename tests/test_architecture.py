@@ -8,6 +8,7 @@ import subprocess
 from collections import Counter
 from functools import cache
 from graphlib import TopologicalSorter
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 import pytest
@@ -128,3 +129,25 @@ def test_a_checkout_is_the_same_on_any_file_system() -> None:
     assert [name for name, n in Counter(name.casefold() for name in names).items() if n > 1] == []
     assert [name for name in names if any(OF_WINDOWS.fullmatch(part) for part in name.split("/"))] == []
     assert max(map(len, names)) < 150
+
+
+NOUNS = re.compile(
+    r" (subject|recording|row|model|hand|joint|receiver|frame|file|session|segment|point|column|cell|job)s\b"
+)
+
+
+def test_no_sentence_counts_one_as_many() -> None:
+    """A number before a noun is told by `count_of` ("1 row"), or is a constant."""
+    told = []
+    for name, path in modules().items():
+        for text in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if not isinstance(text, ast.JoinedStr):
+                continue
+            for number, after in pairwise(text.values):
+                if not isinstance(number, ast.FormattedValue) or number.format_spec:
+                    continue
+                is_constant = isinstance(number.value, ast.BoolOp) or ast.unparse(number.value).isupper()
+                noun = isinstance(after, ast.Constant) and NOUNS.match(str(after.value))
+                if noun and not is_constant:
+                    told.append(f"{name}: {ast.unparse(number.value)}{noun[0]}")
+    assert not told

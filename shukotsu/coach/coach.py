@@ -16,7 +16,7 @@ import numpy as np
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.coach.live_poses import EvenFrames
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.fit.fingertips import Fingertips, fingertips
 from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.gains import gains
@@ -118,7 +118,9 @@ class Estimate:
 def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
     """Fit the hand to all frames. Raises InputError where these are too few or not those of a hand."""
     if len(poses.frame) < LEAST_FRAMES:
-        raise InputError(f"{len(poses.frame)} frames are too few for an estimate; expected {LEAST_FRAMES}")
+        raise InputError(
+            f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
+        )
     try:
         fit = fit_hand(
             [poses],
@@ -225,10 +227,10 @@ class Coach:
         if self.findings:
             return f"Not calibrated: {self.findings[0]}"
         if self.estimate is None:
-            return f"Not calibrated: {self.frames} frames show no hand yet."
+            return f"Not calibrated: {count_of(self.frames, 'frame', 'show')} no hand yet."
         left, seconds = self.estimate.open_joints, self.time_s - self._began_s
         n_joints = len(self.estimate.rows)
-        text = f"{n_joints - len(left)} of {n_joints} joints good enough after {seconds:.0f} s"
+        text = f"{n_joints - len(left)} of {count_of(n_joints, 'joint')} good enough after {seconds:.0f} s"
         if not left:
             return f"{text}."
         rows = [self.estimate.rows[joint] for joint in left]
@@ -314,7 +316,8 @@ class Coach:
         if still_open != before and still_open:
             worst = max(still_open, key=lambda joint: float(rows[joint]["sd_mm"]))
             self._say(
-                f"{len(rows) - len(still_open)} of {len(rows)} joints good enough; the least sure is {worst} "
+                f"{len(rows) - len(still_open)} of {count_of(len(rows), 'joint')} good enough; the "
+                f"least sure is {worst} "
                 f"at {rows[worst]['sd_mm']:.2f} mm"
             )
 

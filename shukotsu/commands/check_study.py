@@ -16,7 +16,7 @@ from pathlib import Path
 from shukotsu import command_line
 from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.findings import EXIT_CODES, REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan
@@ -36,7 +36,8 @@ def check_study(path: Path) -> int:
     """
     files = read_files(path)
     study = files.study
-    counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
+    sizes = {"subject": study.subjects, "recording": study.recordings, "model": study.models}
+    counts = ", ".join(count_of(len(each), noun) for noun, each in sizes.items())
     print(f"{path}: study {study.name}, {counts}")
     notes = (*unmatched_rows(study), *columns_handed_on(study), *_outside(path, files))
     for note in (*(row.message for row in study.unusable), *notes):
@@ -63,7 +64,10 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
         sorted(outside, key=lambda each: (each.parent, each.name)), attrgetter("parent")
     ):
         files_there = list(group)
-        what, names = f"{len(files_there)} files in {parent}", ", ".join(each.name for each in files_there)
+        what, names = (
+            f"{count_of(len(files_there), 'file')} in {parent}",
+            ", ".join(each.name for each in files_there),
+        )
         what, names = (what, f": {names}") if len(files_there) > 1 else (str(files_there[0]), "")
         yield f"reads {what}, outside the study's folder{names}"
 

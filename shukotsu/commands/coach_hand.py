@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 
 if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach, CoachedHand
@@ -139,7 +139,7 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
         how = f" as excluded: {exclude}" if exclude else ""
         print(f"{archive}: entered in {sheet}{how}")
     else:
-        print(f"{archive}: {coached.frames} frames")
+        print(f"{archive}: {count_of(coached.frames, 'frame')}")
     if code:
         sys.exit(EXIT_CUT_SHORT)
     return bool(coached.restarts) and not stop

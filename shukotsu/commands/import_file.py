@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from shukotsu import command_line
+from shukotsu.errors import count_of
 from shukotsu.readers.import_recording import build_parser, import_recording, record_failure
 
 
@@ -26,7 +27,10 @@ def import_and_check(arguments: argparse.Namespace) -> None:
     worn = [count for count in n_valid.values() if count]
     length = f"{np.ptp(known):.1f} s" if (known := time_s[np.isfinite(time_s)]).size else "no times"
     gaps = len(time_s) * len(worn) - sum(worn)
-    print(f"{arguments.out}: {n_rows} rows, {len(worn)} receivers, {length}, {gaps} poses of them missing")
+    print(
+        f"{arguments.out}: {count_of(n_rows, 'row')}, {count_of(len(worn), 'receiver')}, {length}, "
+        f"{count_of(gaps, 'pose')} of them missing"
+    )
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
     if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
         print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)

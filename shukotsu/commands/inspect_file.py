@@ -61,6 +61,7 @@ def inspect(arguments: argparse.Namespace) -> None:
     mapping, layout = f" --mapping {target}" if description.draft else "", f" --layout {arguments.layout}"
     then = f"shukotsu import --in {arguments.file}{mapping}{layout} --subject 01 --hand right --task rom"
     then += " --out poses.parquet"
+    then += "; and so with --hand left" if "\nleft_receivers:" in description.draft else ""
     if not description.recording:
         then = "nothing to import: this is a table that the pipeline made"
     elif description.draft and target is None:

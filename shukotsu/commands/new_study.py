@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
 from shukotsu.commands.inspect_file import describe
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.file_formats import FORMATS, MAPPED
 from shukotsu.tables.line_printer import progress
 
@@ -112,10 +112,12 @@ def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], di
     root = arguments.recordings.resolve()
     with progress("inspected", len(paths)) as inspected:
         drafts = draft_mappings(paths, layout, inspected)
-    cells = [
-        {**vars(parts), "file": _from(path, arguments.folder), "mapping": drafts.of.get(path, "")}
-        for path, parts in zip(paths, parts_of_names(path.relative_to(root) for path in paths), strict=True)
-    ]
+    cells = []
+    for path, parts in zip(paths, parts_of_names(path.relative_to(root) for path in paths), strict=True):
+        mapping = drafts.of.get(path, "")
+        of_both = "left_receivers" in drafts.texts.get(mapping, "") and not parts.hand
+        row = {**vars(parts), "file": _from(path, arguments.folder), "mapping": mapping}
+        cells += [row | {"hand": hand} for hand in HANDS_OF_BOTH] if of_both else [row]
     columns = [*COLUMNS, *(name for name in MORE_COLUMNS if any(row[name] for row in cells))]
     notes = [f"{reason}; its row stays until you remove it" for reason in drafts.refused.values()]
     return [columns, *([row[name] for name in columns] for row in cells)], drafts.texts, notes
@@ -128,7 +130,8 @@ def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str])
     if not rows:
         return f"write a row a recording into {folder / 'recordings.tsv'}"
     filled = f", and fill in the {empty} that their names leave open" if empty else ""
-    what = f"look over the {len(rows)} rows of {folder / 'recordings.tsv'}, drafted from names{filled}"
+    drafted = f"the {count_of(len(rows), 'row')} of {folder / 'recordings.tsv'}, drafted from names"
+    what = f"look over {drafted}{filled}"
     if mappings:
         verb = "says" if len(mappings) == 1 else "say"
         what += f"; put the truth where {list_names(mappings)} in {folder} {verb} CHECK"
@@ -161,6 +164,8 @@ HANDS = {
     **dict.fromkeys(("l", "lh", "left", "li", "links"), "left"),
 }
 """What names of files call a hand, in lower case."""
+HANDS_OF_BOTH = ("right", "left")
+"""A row each of a file that holds both hands."""
 CALIBRATIONS = ("cal", "calib", "calibration", "rom", "kalibrierung")
 """What names of files call a recording in which every joint moves through its range, in lower case."""
 _KEYS = {

@@ -20,7 +20,7 @@ from shukotsu import command_line
 from shukotsu.commands import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.resources import ROOT
-from shukotsu.workflow import one_run
+from shukotsu.workflow import one_run, progress
 
 SNAKEFILE = ROOT / "Snakefile"
 UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
@@ -41,7 +41,10 @@ def build_parser() -> argparse.ArgumentParser:
     add_study(parser)
     parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")
     parser.add_argument("--dry-run", action="store_true", help="say what would be run, and run nothing")
-    parser.usage = "shukotsu run [-h] [--cores N] [--dry-run] [STUDY] [-- OPTION_OF_SNAKEMAKE ...]"
+    parser.add_argument("--verbose", action="store_true", help="show Snakemake's own messages")
+    parser.usage = (
+        "shukotsu run [-h] [--cores N] [--dry-run] [--verbose] [STUDY] [-- OPTION_OF_SNAKEMAKE ...]"
+    )
     return parser
 
 
@@ -63,9 +66,11 @@ def run_study(arguments: argparse.Namespace) -> int:
     lock = None if arguments.dry_run or arguments.more else one_run.hold(files.results.folder)
     command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     command += ["--configfile", str(arguments.study)]
-    command += ["--quiet", "rules"]  # takes any number of words, so it may not stand before the user's own
+    if not arguments.verbose:  # takes any number of words, so it may not stand before the user's own
+        command += ["--quiet", "rules" if arguments.dry_run else "reason"]
     command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else []), *arguments.more]
     print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
+    os.environ[progress.SHOWN] = progress.EVERYTHING if arguments.verbose else progress.PROGRESS
     status = _run(command, lock, CLUSTER_GRACE_S if arguments.more else GRACE_S)
     report = files.results.folder / "report.html"
     if status:

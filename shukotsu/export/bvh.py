@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.export.gaps import largest_time_error_s
 from shukotsu.export.motion import (
     MOVES_MM,
@@ -149,8 +149,8 @@ def _losses(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
     moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
     if moving:
         sentences.append(
-            f"a skeleton of rotations alone: {len(moving)} joints move against the bone before and have "
-            "positions, in a joint of their own; --bones stiff keeps bones at their length"
+            f"a skeleton of rotations alone: {count_of(len(moving), 'joint', 'move')} against the bone "
+            "before, with positions, in a joint of their own; --bones stiff keeps bones at their length"
         )
     late_s = largest_time_error_s(motion)
     if late_s > _NOTABLE_S:

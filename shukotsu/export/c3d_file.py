@@ -14,7 +14,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.export.motion import facts_text, with_seen_receivers
 from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import Index, PosedRecording
@@ -63,7 +63,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     posed = _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
     if frames > MOST_FRAMES or len(labels) > _MOST_POINTS:
         raise InputError(
-            f"{path}: has {frames} frames of {len(labels)} points, and C3D holds at most {MOST_FRAMES} of "
+            f"{path}: has {count_of(frames, 'frame')} of {count_of(len(labels), 'point')}, and C3D "
+            f"holds at most {MOST_FRAMES} of "
             f"{_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
         )
     first = int(motion.frame[0])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.export.motion import continuous
 from shukotsu.hand.posing import Bools, Index, PosedRecording, known_points
 from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
@@ -48,7 +48,8 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     if (count := _count(time_s, fps)) > FILLED_FRAMES:
         wide = int(np.argmax(np.diff(time_s)))
         raise InputError(
-            f"--fps: {fps:g} would make {count} frames of {np.ptp(time_s):.0f} s (the longest pause is after "
+            f"--fps: {fps:g} would make {count_of(count, 'frame')} of {np.ptp(time_s):.0f} s (the "
+            f"longest pause is after "
             f"frame {motion.frame[wide]}), more than {FILLED_FRAMES}; give a lower rate, or parts by --frames"
         )
     at = np.minimum(time_s[0] + np.arange(count) / fps, time_s[-1])
@@ -65,7 +66,8 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
     out = replace(out, rate_hz=fps, receivers=replace(out.receivers, valid=valid))
     return out.noting(
-        f"resampled from {len(time_s)} frames ({motion.rate_hz:g} Hz) to {len(at)} ({fps:g} Hz) over device "
+        f"resampled from {count_of(len(time_s), 'frame')} ({motion.rate_hz:g} Hz) to {len(at)} "
+        f"({fps:g} Hz) over device "
         "time, unfiltered"
     )
 
@@ -293,5 +295,5 @@ def _fill_gaps(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRec
     }[policy]
     length = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
     return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(
-        f"{len(gaps)} gaps ({frames} frames{length}) filled {how}"
+        f"{count_of(len(gaps), 'gap')} ({count_of(frames, 'frame')}{length}) filled {how}"
     )

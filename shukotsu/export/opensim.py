@@ -27,6 +27,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
+from shukotsu.errors import count_of
 from shukotsu.export.kinematic_tree import (
     Body,
     JointForm,
@@ -443,7 +444,8 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
         most = {f.name: _largest(np.stack([shift.values for shift in f.shifts], -1)) for f in shifted}
         worst = max(most, key=lambda name: most[name])
         remarks.append(
-            f"{len(shifted)} joints move against the bone before and have coordinates _tx, _ty, _tz, up to "
+            f"{count_of(len(shifted), 'joint', 'move')} against the bone before, with coordinates _tx, "
+            f"_ty, _tz, up to "
             f"{most[worst]:.3f} mm ({worst}); _ik.osim locks them at zero; --bones stiff gives a model "
             "without"
         )

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.fit.chain import UNMODELLED, HandModel, hand_model
 from shukotsu.fit.compiled_equations import Jacobian, pose, reduce, residuals, weighted_jacobians
 from shukotsu.fit.free_joints import free_joints
@@ -335,7 +335,8 @@ def _choose_frames(
         usable = usable[usable < end]
     if len(usable) < 2:
         raise InputError(
-            f"{len(usable)} frames have half of the {worn} receivers valid; expected 2 or more: record the "
+            f"{count_of(len(usable), 'frame', 'have')} half of the {count_of(worn, 'receiver')} valid; "
+            f"expected 2 or more: record the "
             "receivers together"
         )
     seen = [receivers[i] for i in np.flatnonzero(np.any(frames.valid, axis=0)).tolist()]

@@ -224,6 +224,7 @@ def angle_columns(
     angles = _turns_deg(posed, fit.evidence.layout) | joint_angles_of(fit, posed)
     unknown = np.full((len(poses.frame), 3), np.nan)
     columns = _keys(name, "joint", list(angles), poses)
+    columns["time_s"] = np.tile(poses.time_s, len(angles))
     by_suffix: dict[str, Mapping[str, Array]] = {"deg": angles}
     for suffix, attribute in ERRORS_OF_ANGLES.items():
         by_suffix[suffix] = {} if errors is None else getattr(errors, attribute)

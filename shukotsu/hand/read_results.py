@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.errors import InputError, TableError, guess, list_names
+from shukotsu.errors import InputError, TableError, count_of, guess, list_names
 from shukotsu.hand.joint_angles import joint_rotation
 from shukotsu.hand.neutral_bones import angle_axes, at_rest
 from shukotsu.hand.posed_recording import recording_reader
@@ -31,7 +31,7 @@ Angles = float | Sequence[float] | Array
 """Angles of a joint, deg: flexion; or flexion, deviation, axial rotation (3,); or these over time (T, 3)."""
 
 
-def read(path: str | Path) -> pd.DataFrame:
+def read_file(path: Path) -> pd.DataFrame:
     """Read any Parquet table of a study as a DataFrame, checked as the stages check it.
 
     A gap is pandas' missing value; an integer or a truth value that may be missing has pandas' nullable type.
@@ -42,7 +42,6 @@ def read(path: str | Path) -> pd.DataFrame:
     import pandas as pd
     import pyarrow as pa
 
-    path = Path(path)
     name = read_metadata(path)["schema"]
     if name not in TABLES:
         raise TableError(f"{path}: is a {name} table, which this program does not know; make it again")
@@ -101,7 +100,8 @@ def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecord
     counts = {len(turn) for turn in turns.values()} - {1}
     if len(counts) > 1:
         raise InputError(
-            f"angles over {' and '.join(map(str, sorted(counts)))} frames; expected as many in all"
+            f"angles over {' and '.join(count_of(n, 'frame') for n in sorted(counts))}; expected as "
+            f"many in all"
         )
     count = max(counts, default=1)
     position = np.zeros((count, len(posed.joints), 3))

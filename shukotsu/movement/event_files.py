@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 from shukotsu.tables.xdf_streams import NUMBERS, TEXT, Floats, load_stream, read_streams
@@ -99,7 +99,7 @@ def read_midi(path: Path) -> Events:
         else:
             n_others += not message.is_meta
     n_open = sum(map(len, sounding.values()))
-    remarks = [f"{n_open} notes have no note off"] * (n_open > 0)
+    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] * (n_open > 0)
     remarks += [f"{n_others} messages that are no notes are left out"] * (n_others > 0)
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
+from shukotsu.errors import count_of
 from shukotsu.study.file_formats import AUTO, FORMATS
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
-    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
+    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping, arguments.hand)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
     parts_without_rows: list[Samples] = []
 
@@ -85,7 +86,10 @@ def import_recording(arguments: argparse.Namespace) -> None:
         said = [*remarks.notes, *poses.notes]
         notes = list(said)
         if absent:
-            notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
+            notes.append(
+                f"no pose of {', '.join(absent)} ({len(absent)} of "
+                f"{count_of(len(layout.measured), 'segment')})"
+            )
         notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
         for note in notes:
             print(f"note: {arguments.file}: {note}", file=sys.stderr)

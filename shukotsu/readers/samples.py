@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, shorten
+from shukotsu.errors import InputError, count_of, shorten
 from shukotsu.study.layout import Layout
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -117,7 +117,11 @@ def unwrapped_frames(
             turns = np.rint((np.interp(other_s, time_s, counted) - other) / size).astype(np.int64)
         out.append(other + size * turns)
     times = full.sum()
-    return out, f"the frame counter begins anew after {size - 1}, {times} times; its frames are counted on"
+    return (
+        out,
+        f"the frame counter begins anew after {size - 1}, {count_of(times, 'time')}; its frames are "
+        f"counted on",
+    )
 
 
 def segments_of_names(

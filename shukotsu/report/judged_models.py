@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
 
-from shukotsu.report.belief import action_text
+from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems
 from shukotsu.report.study_results import Row, StudyResults, hand_of
-from shukotsu.report.table_cells import DASH, format_value, number, p_text
+from shukotsu.report.table_cells import DASH, format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
 from shukotsu.study.model import the_papers
-from shukotsu.translation import N_, listed, ngettext, tr, word
+from shukotsu.translation import listed, ngettext, tr, word
 
 ALL_DIGITS = ""
 PRIOR = "prior-only"
@@ -97,9 +97,9 @@ def model_to_take(results: StudyResults) -> str:
     sentence = _amount(judged, row["model"], row["mean"])
     amounts = {"other": row["other"], "amount": format_value(judged.metric, row["other_mean"])}
     if row["other"] == PRIOR:
-        sentence += tr("; anatomy alone, without data, by {amount} mm", **amounts)
+        sentence += tr("; {amount} mm with anatomy alone, without data", **amounts)
     else:
-        sentence += tr("; those of the model {other} are {amount} mm off", **amounts)
+        sentence += tr("; {amount} mm with the model {other}", **amounts)
     test = ngettext("{n} subject", "{n} subjects", row["n_compared_subjects"])
     if row["smallest_p_holm"] > LEVEL:
         test = tr("{subjects}, too few to test the difference", subjects=test)
@@ -136,7 +136,8 @@ def _amount(judged: JudgedModels, model: str, mean: float) -> str:
         return tr("Take the model {model}: its joints are {mean} mm from the true ones on average", **values)
     if judged.metric == LEFT_OUT:
         return tr(
-            "Take the model {model}: it misses fingertip receivers that are hidden from it by {mean} mm",
+            "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it "
+            "has not seen",
             **values,
         )
     return tr("Take the model {model}: its fingertips are {mean} mm from the true ones on average", **values)
@@ -150,84 +151,17 @@ class BigNumber(NamedTuple):
     of: str
 
 
-_DOUBTS = {
-    verdict.BY_ANATOMY: N_("placed by anatomy rather than the recording"),
-    verdict.MOVED_LITTLE: N_("moved too little"),
-    verdict.UNCERTAIN: N_("known less well than asked"),
-    verdict.ONE_WAY: N_("known less well than asked"),
-    verdict.HALVES: N_("its two receivers disagree"),
-    verdict.NO_POSE: N_("a receiver beside it is silent or not worn"),
-    verdict.ONE_RECEIVER: N_("a receiver beside it is silent or not worn"),
-    verdict.NOT_SOLVED: N_("not solved"),
-}
-"""Why a joint is not simply to be believed, in a few words; any other reason stands at the joint."""
-_OTHER_DOUBT = N_("something is against it")
-MOST_DOUBTS = 3
-
-
-def doubted_text(results: StudyResults) -> str:
-    """Return in a line which joints are to be taken with care, or not at all, and why; empty without any."""
-    rows = [row for row in _worn_joints(results) if row["verdict"] != verdict.BELIEVE]
-    of_reason: dict[str, Counter[str]] = defaultdict(Counter)
-    for row in rows:
-        of_reason[tr(_DOUBTS.get(row["reason"], _OTHER_DOUBT))][row["joint"]] += 1
-    parts = []
-    for reason, joints in sorted(of_reason.items(), key=lambda each: -each[1].total())[:MOST_DOUBTS]:
-        names = listed(f"{word(joint)} ({n})" if n > 1 else word(joint) for joint, n in joints.most_common())
-        parts.append(f"{names}: {reason}")
-    return tr("With care, and in how many hands: {parts}.", parts="; ".join(parts)) if parts else ""
-
-
-def next_text(results: StudyResults) -> str:
-    """Return the one thing to do next that helps most, in words of the hand if any helps; or nothing."""
-    if results.findings:
-        return tr("Next: settle the problems below, which cost whole recordings.")
-    still = Counter(row["joint"] for row in _worn_joints(results) if row["reason"] == verdict.MOVED_LITTLE)
-    if still:
-        joint = still.most_common(1)[0][0]
-        digit = joint.partition("_")[0]
-        if joint == "thumb_cmc":
-            return tr(
-                "Next: record again and circle the thumb alone for 10 s, so that {joint} moves.", joint=joint
-            )
-        return tr(
-            "Next: record again and bend and straighten the {digit} alone for 10 s, so that {joint} moves.",
-            digit=digit,
-            joint=joint,
-        )
-    gained = [row for rows in results.gains_of.values() for row in rows if row["model"] == results.leading]
-    if not gained or not doubted_text(results):
-        return ""
-    gain_of: dict[str, float] = defaultdict(float)
-    for row in gained:
-        gain_of[row["quantity"]] += row["mean_sd_before_mm"] - row["mean_sd_after_mm"]
-    of_hand = [name for name in gain_of if "." not in name or name.endswith(".touch")]
-    best = max(of_hand or gain_of, key=lambda name: gain_of[name])
-    row = max((row for row in gained if row["quantity"] == best), key=lambda row: row["mean_sd_before_mm"])
-    return tr(
-        "Next: {action}, to within {sd_mm:.1f} mm; it takes the mean error of a hand’s joints from {before} "
-        "to {after} mm.",
-        action=action_text(best),
-        sd_mm=row["sd_mm"],
-        before=number(row["mean_sd_before_mm"]),
-        after=number(row["mean_sd_after_mm"]),
-    )
-
-
-def _worn_joints(results: StudyResults) -> list[Row]:
-    """Rows of joints under the leading model that count and for which a receiver was worn."""
-    rows = (row for row in results.judging.joints if row["model"] == results.leading)
-    return [row for row in rows if row["reason"] != verdict.NOT_WORN]
-
-
 def used_text(results: StudyResults) -> str:
     """Write in a sentence how many of the recordings were used, and whether they are simulated."""
     statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
+    used = [each for each in results.recordings if results.status_of(each)[0] == "used"]
+    in_doubt = sum(each.hand in results.suspect for each in used)
     others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
+    others += [tr("{n} in no statistic, for what was found", n=in_doubt)] * (in_doubt > 0)
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
-    used = tr("{n} of {total} used", n=statuses["used"], total=total)
-    used += f" ({listed(others)})" if others else ""
-    return used + (
+    text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
+    text += f" ({listed(others)})" if others else ""
+    return text + (
         tr("; simulated, so no person's hand is behind these numbers") if results.simulated else ""
     )
 
@@ -248,14 +182,15 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     if unworn := len(every) - len(rows):
         of_joints += tr("; for {n} more no receiver was worn", n=unworn)
     suspects = len({hand_of(row) for row in results.findings})
-    mistaken = tr("have recordings in which a mistake was found")
+    several = 1 if 1 in (suspects, len(results.hands)) else 2  # 1 of 4 hands has, 0 of 1 hand has
+    mistaken = ngettext("has recordings with a mistake", "have recordings with a mistake", several)
     return (
         BigNumber(str(believed), tr("of {total}", total=total), of_joints),
         _typical_error(results, model, rows, total),
         BigNumber(
             str(suspects),
             tr("of {total}", total=hands_counted(results, len(results.hands))),
-            mistaken + (tr(", and are in no statistic unless accepted") if suspects else ""),
+            mistaken + (tr(", in no statistic unless accepted") if suspects else ""),
         ),
     )
 
@@ -287,8 +222,12 @@ def hands_counted(results: StudyResults, n: int) -> str:
 
 def numbers_texts(results: StudyResults) -> list[str]:
     """Return the numbers, a sentence each."""
-    numbers = (number._asdict() for number in big_numbers(results))
-    return [tr("{value} {unit} {of}.", **number).replace("  ", " ") for number in numbers]
+    return [
+        tr("{value} {unit} {of}.", **number._asdict())
+        if number.unit
+        else tr("{of}.", of=number.of.capitalize())
+        for number in big_numbers(results)
+    ]
 
 
 WIDTH, MOST_PROBLEMS = 79, 3
@@ -296,9 +235,10 @@ WIDTH, MOST_PROBLEMS = 79, 3
 
 
 def outcome_text(results: StudyResults) -> str:
-    """Return the study's numbers and its sentence as plain text, then the gravest problems."""
+    """Return the study's numbers and sentences as plain text, then the gravest problems."""
     problems = all_problems(results)
     lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
+    lines += filter(None, [care_line(results), next_step(results)])
     lines += [
         f"- {problem.where}: {in_quotes(problem.text)} {problem.places}".rstrip()
         for problem in problems[:MOST_PROBLEMS]

@@ -22,13 +22,12 @@ from shukotsu.report.group_results import compared_factors
 from shukotsu.report.judged_models import (
     REPLAY,
     big_numbers,
-    doubted_text,
     model_to_take,
-    next_text,
     used_text,
 )
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import StudyMovement
+from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
 from shukotsu.report.recording_results import read_stretch
@@ -98,8 +97,8 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
         used=used_text(results),
         numbers=big_numbers(results),
         take=model_to_take(results),
-        doubted=doubted_text(results),
-        next=next_text(results),
+        doubted=care_line(results),
+        next=next_step(results),
         model=results.leading,
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.hand import rotations
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses, flexion_axis, relaxed_angles
@@ -293,5 +293,5 @@ def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> i
     if seed < 0:
         raise InputError(f"seed {seed} is negative; expected 0 or more")
     if n_frames is not None and n_frames < 2:
-        raise InputError(f"{n_frames} frames are no motion; expected 2 or more")
+        raise InputError(f"{count_of(n_frames, 'frame', 'are')} no motion; expected 2 or more")
     return n_frames or TASK_FRAMES[task]

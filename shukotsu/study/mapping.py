@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.config_files import check_config, read_yaml
 from shukotsu.tables.limits import MM_PER_UNIT
 
@@ -38,18 +38,22 @@ class FileMapping:
         return group
 
 
-def read_mapping(path: Path) -> FileMapping:
+def read_mapping(path: Path, hand: str = "right") -> FileMapping:
     """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
-    return mapping_from_config(read_yaml(path, "mapping"), str(path))
+    return mapping_from_config(read_yaml(path, "mapping"), str(path), hand)
 
 
-def mapping_from_config(loaded: Any, where: str) -> FileMapping:
-    """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
+def mapping_from_config(loaded: Any, where: str, hand: str = "right") -> FileMapping:
+    """Check a loaded mapping, fill in its defaults; `where` names it in messages; hand : whose receivers."""
     if isinstance(loaded, dict) and (fault := next(_first_faults(loaded), "")):
         raise InputError(f"{where}: {fault}")
     config = check_config(loaded, "mapping", where)
     if fault := next(_faults(config, loaded.keys()), ""):
         raise InputError(f"{where}: {fault}")
+    if "left_receivers" in config:
+        others = {key: value for key, value in loaded.items() if key != "left_receivers"}
+        of_left = mapping_from_config(others | {"receivers": loaded["left_receivers"]}, where)
+        return of_left if hand == "left" else replace(of_left, receivers=config["receivers"])
     return FileMapping(
         where,
         config["format"],
@@ -134,7 +138,7 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
     for segment, receiver in config["receivers"].items():
         odd = [key for key in receiver if key not in reads]
         if odd:
-            what = f"csv with {rows} rows" if form == "csv" else form
+            what = " ".join(("csv with", rows, "rows")) if form == "csv" else form
             yield (
                 f"receivers.{segment}.{odd[0]}: does not belong to {what}, which reads "
                 f"{', '.join(reads) or 'no key here'}; leave it out"
@@ -190,7 +194,7 @@ def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
     for path, group in groups:
         columns, kind = group.get("orientation", []), config["orientation"]["kind"]
         if columns and len(columns) != _NUMBERS[kind]:
-            yield f"{path}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+            yield f"{path}.orientation: has {count_of(len(columns), 'column')}; {kind} means {_NUMBERS[kind]}"
         for key in ("position", "orientation", "time", "nanoseconds", "quality", "frame", "receiver"):
             cell = group.get(key, [])
             for column in cell if isinstance(cell, list) else [cell]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.resources import ROOT
 from shukotsu.study.file_formats import AUTO, FORMATS
 from shukotsu.tables import limits
@@ -229,7 +229,7 @@ def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str
 
 def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> tuple[Row, list[str]]:
     if any(cells[len(header) :]):
-        return Row(line, {}), [f"row {line}: has {len(cells)} cells; expected {len(header)}"]
+        return Row(line, {}), [f"row {line}: has {count_of(len(cells), 'cell')}; expected {len(header)}"]
     texts = dict(zip_longest(header, cells[: len(header)], fillvalue=""))
     values: dict[str, Any] = {k: v for k, v in texts.items() if k not in {c.name for c in sheet.cells}}
     messages, filled = [], {name for name, text in texts.items() if text}

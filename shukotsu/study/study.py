@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from shukotsu.errors import InputError, guess, list_names
+from shukotsu.errors import InputError, count_of, guess, list_names
 from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
 from shukotsu.study.file_formats import FORMATS
 from shukotsu.study.layout import Layout, read_layout
@@ -391,7 +391,8 @@ def _why_unusable(recording: Recording) -> str:
     n_bytes = sum(len(path_token(name).encode()) for name in names)
     if n_bytes > NAMES_BYTES:
         return (
-            f"columns subject, session, task, trial: have {n_bytes} bytes in the names of files; expected at "
+            f"columns subject, session, task, trial: have {count_of(n_bytes, 'byte')} in the names "
+            f"of files; expected at "
             f"most {NAMES_BYTES}"
         )
     for column in ("file", "mapping", "events"):

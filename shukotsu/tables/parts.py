@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from shukotsu.errors import InputError, TableError, list_names
+from shukotsu.errors import InputError, TableError, count_of, list_names
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import (
@@ -269,7 +269,8 @@ class PartsReader:
             if n_frames is not None and count != n_frames:
                 where = ", ".join(filter(None, (task, trial, label)))
                 raise TableError(
-                    f"{self._file.path}: {where}: has {count} frames and the recording {n_frames}; "
+                    f"{self._file.path}: {where}: has {count_of(count, 'frame')} and the recording "
+                    f"{n_frames}; "
                     f"{remedy_of(self._file.path)}"
                 )
         return {label: np.concatenate(rows) if rows[1:] else rows[0] for label, rows in pieces.items()}

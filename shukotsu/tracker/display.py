@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.tracker.families import FAMILIES, StreamSettings
 from shukotsu.tracker.liberty import SHORT_LIST, list_of_all, record_type
 from shukotsu.tracker.records import Wholes
@@ -158,7 +158,8 @@ def arithmetic(settings: StreamSettings, baud: int) -> str:
     """Format the bytes that the stream needs beside those that the line carries."""
     count, need = len(settings.stations), needed_bytes_per_s(settings)
     return (
-        f"{count} receivers x {need / settings.rate_hz / count:.4g} bytes x {settings.rate_hz:g} Hz = "
+        f"{count_of(count, 'receiver')} x {need / settings.rate_hz / count:.4g} bytes x "
+        f"{settings.rate_hz:g} Hz = "
         f"{need:.0f} bytes/s, and {baud} baud carries {baud / BITS_PER_BYTE:.0f}"
     )
 
@@ -212,7 +213,7 @@ def state_line(statistics: Statistics, now: Mapping[str, Any], before: Mapping[s
         troubles += [f"{station} {text}" for text in (trouble, distortion) if text]
     parts = [
         f"{now['seconds']:.1f} s",
-        f"{len(present)} of {len(statistics.receivers)} receivers",
+        f"{len(present)} of {count_of(len(statistics.receivers), 'receiver')}",
         f"{min(rates, default=0.0):.1f} Hz",
         f"missing {max(missing):.1f} %",
         f"skipped {now['skipped_bytes']} B",
@@ -233,7 +234,7 @@ def totals_table(totals: Mapping[str, Any]) -> list[str]:
     """Return a table of the records received, in total and by receiver."""
     text = [
         f"{totals['records']} records in {totals['cycles']} cycles; "
-        f"{totals['lost_cycles']} frames lost ({totals['lost_frames']} records), "
+        f"{count_of(totals['lost_cycles'], 'frame')} lost ({count_of(totals['lost_frames'], 'record')}), "
         f"{totals['partial_cycles']} cycles partial",
         f"{totals['received_bytes']} bytes, {totals['skipped_bytes']} of them in no record",
         "receiver  records    lost  errors  distortion  hemisphere  absent",
@@ -258,7 +259,7 @@ def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
     need, came = needed_bytes_per_s(settings), totals["received_bytes"] / max(totals["seconds"], 1e-9)
     if missing_percent > MUCH_MISSING_PERCENT and came <= (1 - MUCH_MISSING_PERCENT / 100) * need:
         count = len(settings.stations)
-        who = f"{count} receivers need" if count > 1 else "1 receiver needs"
+        who = f"{count_of(count, 'receiver')} need{'s' if count == 1 else ''}"
         sentences.append(
             f"the line brought {came / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
             f"it is too slow; see {FAMILIES[settings.family].remedies}"

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.errors import count_of
 from shukotsu.tracker.archive import Archive, open_archive
 from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.records import Array, Bools, Records, Wholes
@@ -248,12 +249,12 @@ def _lost(survey: Survey) -> Iterator[str]:
     frames = losses.all.frame - losses.first_frame + 1
     if len(whole):
         yield (
-            f"{losses.all.lost} of {frames} frames are missing for all receivers "
+            f"{losses.all.lost} of {count_of(frames, 'frame', 'are')} missing for all receivers "
             f"(at {_places(survey, whole[:, 1], whole[:, 2] - whole[:, 1] + 1)})"
         )
     if len(survey.partial_frames):
         yield (
-            f"{len(survey.partial_frames)} of {frames} frames lack a receiver "
+            f"{len(survey.partial_frames)} of {count_of(frames, 'frame', 'lack')} a receiver "
             f"(at {_places(survey, survey.partial_frames)})"
         )
     ends_s = losses.silent_ends_s(survey.tally.started_ns, survey.tally.ended_ns)

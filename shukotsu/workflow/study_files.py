@@ -84,10 +84,6 @@ class StudyFiles:
         if reasons and all(reasons):  # a model that applies to no hand is an error in the study
             raise InputError(f"{self.file}: models: {reasons[0]}")
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
-        if self.study.language != "en":  # at once, not after hours of computing
-            from shukotsu.report.figures.style import check_font
-
-            check_font(self.study.language)
         simulation, folder = self.study.simulation, Path(os.devnull, "none")
         self.seed = 0 if simulation is None else simulation.seed
         if simulation is not None:
@@ -197,6 +193,14 @@ class StudyFiles:
         who = self.subject(wildcards)
         session = [f"--session={who.session}"] if who.session else []
         return shlex.join([f"--subject={who.subject}", *session])
+
+    def font_note(self) -> str:
+        """Return in which language figures for print are, where it is not the study's."""
+        if self.study.language == "en":  # a plain run need not load what draws
+            return ""
+        from shukotsu.report.figures.style import font_note
+
+        return font_note(self.study.language)
 
     def resources(
         self, minutes: int, minutes_a_gb: int, most_mb: int = 1200

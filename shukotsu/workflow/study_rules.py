@@ -13,11 +13,10 @@ from snakemake.dag import DAG
 from snakemake.exceptions import WorkflowError
 from snakemake.io import report
 from snakemake.logging import logger
-from snakemake.settings.types import Quietness
 
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
-from shukotsu.workflow import made_from, one_run, warm_process
+from shukotsu.workflow import made_from, one_run, progress, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
@@ -47,18 +46,23 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
-        notes += [study.what_is_not_as_made()] if workflow.is_main_process else []
+        notes += [study.what_is_not_as_made(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
         raise WorkflowError(str(error)) from None
     _note(*notes)
     DAG.check_output_mtime = _take_any_time
     workflow.global_wildcard_constraints(**WILDCARDS)
-    is_quiet = Quietness.RULES in (workflow.output_settings.quiet or ())  # as `shukotsu run` asks
-    if workflow.is_main_process and is_quiet:
+    shown = os.getenv(progress.SHOWN) if workflow.is_main_process else None
+    line = progress.Progress(workflow, sys.stderr)
+    if shown:
         logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))
+    for handler in logger.handlers if shown == progress.PROGRESS and not workflow.dryrun else ():
+        if handler.name == "DefaultStreamHandler":  # and not that of Snakemake's log file
+            handler.addFilter(line)
 
     def end(*_: object) -> None:
-        if is_quiet:
+        line.clear()
+        if shown:
             logging.disable()  # that it was ended, whoever ended it says
         if not workflow.local_exec:  # jobs are cancelled then; their threads may sleep for long
             workflow.scheduler._executor.shutdown = lambda: os._exit(1)
@@ -73,8 +77,13 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         warm_process.start()
 
     workflow.onstart(start)
-    workflow.onsuccess(lambda _: made_from.keep(study.kept, workflow))
-    workflow.onerror(lambda _: made_from.keep(study.kept, workflow))
+
+    def finish(logs: list[str]) -> None:
+        line.close(logs)
+        made_from.keep(study.kept, workflow)
+
+    workflow.onsuccess(finish)
+    workflow.onerror(finish)
     return study
 
 
@@ -111,7 +120,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.log_modifier = rule.output_modifier
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
-        rule.message = f"{rule.name}: {', '.join(shown) or 'the study'}"
+        rule.message = f"{rule.name}: {', '.join(shown) or progress.OF_STUDY}"
         if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
             continue
         rule.set_params(code=code)

@@ -82,6 +82,30 @@ class Run:
         return recording_files.read(path, ARM, yaml.safe_load(text))
 
 
+def test_a_file_of_both_hands_is_drafted_by_stations(run: Run) -> None:
+    """As a laboratory exports it: one line a kind, one word to edit, one mapping of both hands."""
+    names = [f"S{n}_{part}" for n in range(32, 0, -1) for part in ("X", "Y", "Z", "Az", "El", "Ro")]
+    place = 0.9 * np.arange(32)[::-1] + PLACE[:, :1]
+    cells = np.stack([place, 0 * place, 0 * place, 100 + 30 * np.sin(place), 0 * place, 0 * place], -1)
+    rows = np.concatenate([4.2 * np.arange(FRAMES)[:, None], cells.reshape(FRAMES, -1)], 1)
+    path = run.table("both.csv", ",".join(["Time", *names]), rows, ";")
+    out = run.inspect(path, "--layout", "liberty16", "--write-mapping", str(run.mapping))
+    assert len(out.splitlines()) == 6
+    assert out.endswith("--out poses.parquet; and so with --hand left\n")
+    text = run.mapping.read_text("utf-8")
+    assert re.findall(r"(?m)^ *(\S+): CHECK", text) == ["position_unit"]
+    assert "the next receiver is 0.9 of it away, which on one hand is inch" in text
+    run.mapping.write_text(text.replace("position_unit: CHECK", "position_unit: inch"), "utf-8")
+    right, left = read_mapping(run.mapping), read_mapping(run.mapping, "left")
+    assert right.details["time_unit"] == "ms"
+    columns = {hand: each.receivers["little_distal"]["position"][0] for hand, each in ((1, right), (2, left))}
+    assert columns == {1: "S16_X", 2: "S32_X"}
+    assert [*right.receivers][:2] == [*left.receivers][:2] == ["hand", "thumb_metacarpal"]
+    run.mapping.write_text(run.mapping.read_text("utf-8").replace('"S32_X", ', ""), "utf-8")
+    with pytest.raises(InputError, match=r"little_distal\.position"):
+        read_mapping(run.mapping)  # also for the right hand: it is one file
+
+
 FORWARD = {"rotates": "receiver-to-transmitter"}
 
 

@@ -31,7 +31,7 @@ def test_a_new_study_reads_when_a_row_is_written(
     assert check([]) == 2
     first, last = capsys.readouterr().out.splitlines()
     assert last == "P1 right rom: cannot be read: rom.csv: no such file; expected a recording"
-    assert first == "study.yaml: study piano, 1 subjects, 1 recordings, 3 models"
+    assert first == "study.yaml: study piano, 1 subject, 1 recording, 3 models"
 
 
 @pytest.mark.parametrize(("name", "study"), [("ピアノ 研究", "study"), ("grip's 2", "grip-s-2")])

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand
 
@@ -43,6 +47,37 @@ def test_a_table_comes_with_units_and_gaps(study: SimulatedHand) -> None:
     assert frame.attrs["key"] == list(JOINT_CENTRES.key)
     assert frame.attrs["units"]["child_x_mm"] == "mm"
     assert frame.attrs["descriptions"].keys() == set(frame.columns)
+
+
+def test_a_folder_has_all_subjects_tables_with_what_people_group_by(
+    study: SimulatedHand, tmp_path: Path
+) -> None:
+    """Of two subjects in two groups, with levels of recordings where rows are of recordings."""
+    table = pq.read_table(study.path(REPLAYED, JOINT_CENTRES))
+    plan = json.loads(study.plan_path.read_text("utf-8"))
+    for subject, group in (("01", "piano"), ("02", "none")):
+        folder = tmp_path / f"sub-{subject}"
+        folder.mkdir()
+        own = table.set_column(0, table.field(0), pa.array([subject] * len(table)).cast(table.field(0).type))
+        pq.write_table(own, folder / "joint_centres.parquet")
+        recordings = [entry | {"factors": {"tempo": "slow"}} for entry in plan["recordings"]]
+        levels = {"subject": subject, "factors": {"group": group}, "recordings": recordings}
+        (folder / "plan.json").write_text(json.dumps(plan | levels), "utf-8")
+    tables = shukotsu.read(tmp_path)
+    assert list(tables) == ["joint_centres"]
+    frame = tables["joint_centres"]
+    whole = sum(name == "" for name in table.column("made_without").to_pylist())
+    assert frame.groupby("subject")["group"].agg(["first", "size"]).values.tolist() == [
+        ["piano", whole],
+        ["none", whole],
+    ]
+    assert "tempo" not in frame  # a joint has no recording
+    assert frame.attrs["units"]["child_x_mm"] == "mm"
+    assert tables._recordings[0]["tempo"] == "slow"
+    with pytest.raises(InputError, match=r"has no table 'joint_centers'; did you mean 'joint_centres'"):
+        tables["joint_centers"]
+    with pytest.raises(InputError, match="holds no results of a study"):
+        shukotsu.read(tmp_path / "sub-01")
 
 
 @pytest.mark.parametrize("model", [FITTED, REPLAYED])
@@ -117,7 +152,7 @@ def test_the_recordings_own_angles_give_its_own_fingers_back(posed: shukotsu.Pos
     [
         ({"index_mpc": 5}, "the hand has no joint 'index_mpc'; did you mean 'index_mcp'"),
         ({"index_mcp": (1, 2)}, "index_mcp: angles of shape"),
-        ({"index_mcp": np.zeros((3, 3)), "ring_mcp": np.zeros((4, 3))}, "angles over 3 and 4 frames"),
+        ({"index_mcp": np.zeros((3, 3)), "ring_mcp": np.zeros((4, 3))}, "angles over 3 frames and 4 frames"),
     ],
 )
 def test_angles_that_no_hand_can_have_are_refused(

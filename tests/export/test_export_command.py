@@ -92,7 +92,7 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
     assert run(hand, out, "--gaps", "interpolate") == 0
     assert not pd.read_csv(out / f"{STEM}.csv")["x_mm"].isna().any()
     assert "\nFrames: 40\n" in (out / f"{STEM}.bvh").read_text()
-    assert "1 gaps (4 frames" in (out / f"{STEM}.bvh.txt").read_text("utf-8")
+    assert "1 gap (4 frames" in (out / f"{STEM}.bvh.txt").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
     recorded = np.r_[0:10, 20:50]
     np.testing.assert_array_equal(held.position_mm[recorded], motion.position_mm[recorded])
     assert held.notes == (
-        "1 gaps (10 frames, the longest 0.110 s) filled by the pose before, held in the frame of the bone "
+        "1 gap (10 frames, the longest 0.110 s) filled by the pose before, held in the frame of the bone "
         "before",
     )
 

@@ -38,8 +38,8 @@ def means(results: StudyResults, metric: str) -> dict[str, float]:
 def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
     mean = means(twelve, "error_mm")
     assert model_to_take(twelve) == (
-        f"Take the model whole-hand: its joints are {mean[OURS]:.1f} mm from the true ones on average; those "
-        f"of the model paper-fig4 are {mean[PAPER]:.1f} mm off (12 subjects; p = 0.00049, corrected by Holm)."
+        f"Take the model whole-hand: its joints are {mean[OURS]:.1f} mm from the true ones on average; "
+        f"{mean[PAPER]:.1f} mm with the model paper-fig4 (12 subjects; p = 0.00049, corrected by Holm)."
     )
 
 
@@ -77,8 +77,8 @@ def test_without_a_truth_hidden_receivers_judge_fitted_hands(fingers: StudyResul
     real = without_truth(fingers)
     mean = means(real, "left_out_mean_mm")
     assert model_to_take(real).startswith(
-        f"Take the model whole-hand: it misses fingertip receivers that are hidden from it by "
-        f"{mean[OURS]:.2f} mm; anatomy alone, without data, by {mean['prior-only']:.2f} mm (12 subjects; p = "
+        f"Take the model whole-hand: it is {mean[OURS]:.2f} mm off on average at fingertip receivers that "
+        f"it has not seen; {mean['prior-only']:.2f} mm with anatomy alone, without data (12 subjects; p = "
     )
 
 

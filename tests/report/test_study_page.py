@@ -15,14 +15,15 @@ from hypothesis import strategies as st
 from report_samples.made_study import MadeStudy, many_subjects
 from report_samples.pages import read_page, rows_where, table_called
 
-from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
+from shukotsu.report.judged_models import WIDTH, big_numbers, numbers_texts, outcome_text, used_text
+from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import anchor, link
 from shukotsu.scores.agreement import times_expected
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, finding_of_text, problem_row
 from shukotsu.study.results import Results
-from shukotsu.study.verdict import BY_ANATOMY, note_doubts
+from shukotsu.study.verdict import BY_ANATOMY, MOVED_LITTLE, NO_POSE, UNCERTAIN, note_doubts
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 MARKS = {"believe": "", "care": "◆", "no": "✕"}
@@ -76,6 +77,43 @@ def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
     joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
     assert joints.of == "can be believed: no hand that counts has a joint under whole-hand"
+
+
+def test_one_hand_has_and_no_hands_have(fitted: StudyResults) -> None:
+    """Also a number that is not there, and recordings that are in no statistic, read as sentences."""
+    suspect = _suspect(fitted, "left", "right")
+    assert numbers_texts(_suspect(fitted, "left"))[2].startswith("1 of 2 hands has recordings")
+    one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
+    assert numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
+    assert numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
+    assert numbers_texts(suspect)[1] == "The recordings gave 0 of 0 joints an error."
+    assert used_text(suspect).startswith("0 of 4 recordings used (4 in no statistic, for what was found)")
+
+
+def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResults) -> None:
+    """In words of the hand; findings first; the measurement of a bone only where nothing else helps."""
+    believed = [row | {"verdict": "believe"} for row in fitted.joints]
+    assert (care_line(replace(fitted, joints=believed)), next_step(replace(fitted, joints=believed))) == (
+        "",
+        "",
+    )
+    assert next_step(_suspect(fitted, "left")).startswith("Next: put right what was found")
+
+    def doubted(*joints: str, **doubts: object) -> StudyResults:
+        doubt = {"sd_mm": 5.0, "verdict": "care", **note_doubts(doubts)}
+        rows = [row | (doubt if row["joint"] in joints else {}) for row in believed]
+        return replace(fitted, joints=rows)
+
+    little = doubted("thumb_ip", "thumb_mcp", **{MOVED_LITTLE: {"range_deg": 3.0}})
+    reason = "moved only 3 deg; skin alone can look like that"
+    assert care_line(little) == f"With care: thumb_mcp and thumb_ip: {reason}."
+    serves = "bend and straighten the thumb alone for 10 s; it serves thumb_mcp and thumb_ip."
+    assert next_step(little) == f"Next: {serves}"
+    dead = doubted("index_dip", **{NO_POSE: {"segments": ["index_distal"]}})
+    assert next_step(dead) == "Next: wear a receiver on index_distal, and record again; it serves index_dip."
+    placed = doubted("wrist", **{BY_ANATOMY: {}})
+    assert next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
+    assert "Measuring" in next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))
 
 
 def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: StudyResults) -> None:

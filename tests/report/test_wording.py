@@ -13,15 +13,13 @@ from babel.messages.catalog import Message as Translation
 from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
 from babel.messages.frontend import parse_mapping_cfg
 from babel.messages.pofile import read_po
-from matplotlib import font_manager
 from report_samples.made_study import MadeStudy
 
-from shukotsu.errors import InputError
 from shukotsu.report import templates
 from shukotsu.report.figures import style
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.templates import languages, speaking
-from shukotsu.translation import END, FOREIGN, translated
+from shukotsu.translation import END, FOREIGN, translated, word
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 REPORT = REPOSITORY / "shukotsu" / "report"
@@ -65,6 +63,30 @@ def test_every_text_has_a_translation_and_every_translation_a_text(code: str) ->
         for translation in translations:
             assert _places(translation) in [_places(text) for text in english], english
             assert not re.search(r"[<>]", translation), english
+
+
+def test_japanese_has_one_word_for_a_thing_and_one_style() -> None:
+    """The glossary's words alone, in the report and in the guide; plain forms, full-width marks."""
+    lines = (templates.CATALOGUES / "ja.glossary.tsv").read_text("utf-8").splitlines()
+    header, *terms = (line.split("\t") for line in lines)
+    assert header == ["english", "japanese", "not"]
+    assert len({english for english, *_ in terms}) == len(terms) >= 30
+    said = [text for message in _catalogue("ja") if message.id for text in _texts(message)[1]]
+    guide = [
+        path.read_text("utf-8") for path in [*REPOSITORY.rglob("docs/*.ja.md"), REPOSITORY / "README.ja.md"]
+    ]
+    everything = "\n".join(said + guide)
+    assert [word for _, word, _ in terms if word not in everything] == []
+    assert [word for *_, others in terms for word in others.split("、") if word in everything] == []
+    report = re.sub(r"`[^`]*`|\{[^{}]*\}|%\(\w+\)s", "", "\n".join(said))
+    assert re.findall(r".*(?:です|ます|ません|ください).*", report) == []
+    assert re.findall(r".*[ぁ-んァ-ヶ一-龥][(:;].*", report) == []
+
+
+def test_joints_have_the_fields_names_in_japanese() -> None:
+    with speaking("ja"):
+        names = [word(name) for name in ("thumb_cmc", "index_mcp", "little_distal", "wrist")]
+    assert names == ["母指CM関節", "示指MCP関節", "小指末節骨", "手関節"]
 
 
 def test_a_script_says_nothing_in_words_of_its_own() -> None:
@@ -126,13 +148,15 @@ def test_nothing_of_a_japanese_report_is_left_in_english(fitted_study: MadeStudy
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))
 
 
-def test_where_no_font_writes_the_language_one_sentence_says_what_to_install(
+def test_where_no_font_writes_the_language_only_figures_for_print_are_english(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(font_manager.fontManager, "ttflist", [])
-    monkeypatch.setattr(font_manager, "findSystemFonts", list)
-    style._seek_fonts.cache_clear()
-    with pytest.raises(InputError, match=r"language: ja: its figures need a font.*fonts-ipaexfont-gothic"):
-        style.check_font("ja")
-    style.check_font("en")
-    style._seek_fonts.cache_clear()
+    """With a note that says what to install; pages, whose reader has fonts, keep their letters."""
+    monkeypatch.setattr(style, "font_of", lambda _: None)
+    assert (style.print_language("ja"), style.print_language("en"), style.font_note("en")) == ("en", "en", "")
+    note = style.font_note("ja")
+    assert note.startswith("language: ja: none of the fonts ")
+    assert "figures for print are in English; install one" in note
+    assert "fonts-ipaexfont-gothic" in note
+    with speaking("ja"):
+        assert style.label("関節\0") == "関節\\x00"

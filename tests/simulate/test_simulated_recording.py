@@ -78,7 +78,7 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
         ("both", "rom", 1, 10, "hand 'both'"),
         ("left", "juggling", 1, 10, "task 'juggling'"),
         ("left", "rom", -1, 10, "seed -1"),
-        ("left", "rom", 1, 1, "1 frames"),
+        ("left", "rom", 1, 1, "1 frame is"),
     ],
 )
 def test_unusable_arguments_are_refused(hand: str, task: str, seed: int, n_frames: int, reason: str) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.hand.rotations import Array, from_matrix, nearest_rotation
 from shukotsu.readers.formats.mapped import (
     Integers,
@@ -330,16 +330,21 @@ def open_c3d(path: Path) -> C3dFile:
         counts.append(low + (high << 16) - first + 1)
     if len(points) < max(counts):
         raise InputError(
-            f"{path}: is cut off: it has {len(points)} of the {max(counts)} frames that it counts; "
+            f"{path}: is cut off: it has {len(points)} of {count_of(max(counts), 'frame')} that it counts; "
             "copy it again"
         )
     if not len(points):
         raise InputError(f"{path}: has no frames; export it again")
     frame_bytes = (4 * per_frame + analogs) * (4 if scale < 0 else 2)
     more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
-    doubts = [f"{zeros.sum()} points at 0, 0, 0 are taken for not seen"] if zeros.any() else []
+    at_zero = int(zeros.sum())
+    taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} taken for not seen"
+    doubts = [taken] * (at_zero > 0)
     if more_bytes > _BLOCK and not rotations.size:
-        doubts += [f"{len(points)} frames are read, but the file goes on behind them; see that this is all"]
+        doubts += [
+            f"{count_of(len(points), 'frame', 'are')} read, but the file goes on behind them; see that "
+            f"this is all"
+        ]
     unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()
     rate = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
     return C3dFile(
@@ -380,7 +385,7 @@ def _of_cluster(
     note = (
         f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
         f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
-        f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {len(misfit)} frames"
+        f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {count_of(len(misfit), 'frame')}"
     )
     odd = misfit > mapping.details["misfit_mm"]
     if not odd.any():
@@ -406,7 +411,8 @@ def _of_rotation(
     ratio, odd = divmod(len(file.matrices), file.frames)
     if odd or not ratio:
         raise InputError(
-            f"{file.path}: has {len(file.matrices)} rotations for {file.frames} frames; "
+            f"{file.path}: has {count_of(len(file.matrices), 'rotation')} for "
+            f"{count_of(file.frames, 'frame')}; "
             "expected a whole multiple"
         )
     matrices = file.matrices[window * ratio, column]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from shukotsu.errors import InputError, shorten
+from shukotsu.errors import InputError, count_of, shorten
 from shukotsu.tables.limits import SECONDS_PER_UNIT
 from shukotsu.tables.text_files import NO_VALUE
 
@@ -57,7 +57,11 @@ class Cells:
         empty_rows: int = 0,
     ) -> None:
         self.locate = locate
-        self.dropped = (f"{empty_rows} rows without any cell are left out",) if empty_rows else ()
+        self.dropped = (
+            (f"{count_of(empty_rows, 'row')} without any cell {'is' if empty_rows == 1 else 'are'} left out",)
+            if empty_rows
+            else ()
+        )
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
         self._missing = []  # the numbers that stand for no value, whatever their decimal mark

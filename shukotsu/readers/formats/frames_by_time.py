@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import isotonic_regression
 
+from shukotsu.errors import count_of
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.mapped import Integers, Track
 
@@ -65,7 +66,8 @@ def framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[
         (losses if doubt or share > _DOUBTFUL else notes).append(sentence + doubt)
     if lost := sum(len(track.row) for track in tracks.values()) - sum(map(len, keys_s)):
         losses.append(
-            f"{lost} rows are left out, since without a time nothing says to which frame they belong"
+            f"{count_of(lost, 'row', 'are')} left out, since without a time nothing says to "
+            "which frame they belong"
         )
     number = np.unique(np.concatenate(frames), return_inverse=True)[1]
     parts = np.split(number, np.cumsum([len(frame) for frame in frames])[:-1])
@@ -175,7 +177,8 @@ def _ambiguity(keys_s: Sequence[Array], frames: Sequence[Integers]) -> tuple[str
     nearer = int((np.abs(off_s) > step_s / 2).sum())
     sentence = (
         f"rows have no frame number, and times scatter by {1e3 * scatter_s:.2g} ms about frames that are "
-        f"{1e3 * step_s:.3g} ms apart: {nearer} of {len(every_s)} rows are nearer to another frame than to "
+        f"{1e3 * step_s:.3g} ms apart: {nearer} of {count_of(len(every_s), 'row', 'are')} nearer to "
+        f"another frame than to "
         f"theirs, and are where their receiver's order puts them; about {doubtful:.0f} may be a frame off"
     )
     return sentence, doubtful / len(every_s)

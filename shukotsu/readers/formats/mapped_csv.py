@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.cells import Cells, unwrapped_s
 from shukotsu.readers.formats.frames_by_time import framed_by_time
@@ -134,7 +134,7 @@ def _rows_of_receivers(
         )
     left = {word: counts[word] for word in names if word not in values.values()}
     if left:
-        rows = ", ".join(f"{word} ({count} rows)" for word, count in sorted(left.items()))
+        rows = ", ".join(f"{word} ({count_of(count, 'row')})" for word, count in sorted(left.items()))
         notes.append(f"receivers that the mapping names no segment for are left out: {rows}")
     return rows_of
 
@@ -208,7 +208,8 @@ def _in_step(
         if len(set(counts.values())) > 1:
             least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
             raise InputError(
-                f"{path}: has {counts[most]} rows of {most} and {counts[least]} of {least}; which belong "
+                f"{path}: has {count_of(counts[most], 'row')} of {most} and {counts[least]} of "
+                f"{least}; which belong "
                 f"together is told by a frame or a time column only: name it as `frame` or `time` in "
                 f"{mapping.where}, or say in_step: false"
             )
@@ -272,7 +273,8 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
         kept = np.sort(nearest_first[first])
         placed.append(replace(new, frame=frame).of(kept))
         notes.append(
-            f"segment {segment}: {len(at)} new values in {len(tracks[segment].row)} rows; "
+            f"segment {segment}: {count_of(len(at), 'new value')} in "
+            f"{count_of(len(tracks[segment].row), 'row')}; "
             f"{len(at) - len(kept)} left out because another was nearer to the same frame of {rate_hz:g} Hz"
         )
         if lost := len(timed[segment].row) - len(at):

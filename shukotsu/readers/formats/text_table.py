@@ -24,7 +24,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
-from shukotsu.errors import InputError, list_names
+from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.readers.formats.cells import Cells
 from shukotsu.readers.samples import did_you_mean
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
@@ -79,7 +79,9 @@ class TextTable:
         if wanted in self.titles:
             return wanted
         if count := self.header.count(wanted):
-            raise InputError(f"{key}: {self.path} has {count} columns {wanted!r}; give the column's number")
+            raise InputError(
+                f"{key}: {self.path} has {count_of(count, 'column')} {wanted!r}; give the column's number"
+            )
         guess = did_you_mean(wanted, self.header)
         guess = guess or f"; found {list_names([name for name in self.header if name])}"
         raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
@@ -177,7 +179,8 @@ class TextTable:
                 last = line
                 if len(record) != len(self.header):
                     raise InputError(
-                        f"{self.path}: line {line}: has {len(record)} cells; expected {self.expected}"
+                        f"{self.path}: line {line}: has {count_of(len(record), 'cell')}; expected "
+                        f"{self.expected}"
                     )
         except UnicodeDecodeError:
             raise _undecodable(self.path, self.open()) from error

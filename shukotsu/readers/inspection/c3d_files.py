@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.errors import count_of
 from shukotsu.readers.formats.c3d import open_c3d, rigid_groups
 from shukotsu.readers.formats.mapped import snake_case
 from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line
@@ -20,7 +21,8 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
     """Describe a C3D file. Raises InputError where it is none."""
     file = open_c3d(path)
     lines = [
-        f"C3D: {len(file.labels)} points, {file.frames} frames numbered from {file.first_frame}",
+        f"C3D: {count_of(len(file.labels), 'point')}, {count_of(file.frames, 'frame')} numbered "
+        f"from {file.first_frame}",
         *(f"in doubt: {doubt}" for doubt in file.doubts),
         f"rate {file.rate_hz:g} Hz" if file.rate_hz > 0 else "no rate is stated: give rate_hz",
         f"unit {file.unit} (POINT:UNITS)" if file.unit else "no unit is stated",

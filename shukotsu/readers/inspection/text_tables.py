@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
@@ -40,10 +40,17 @@ from shukotsu.readers.inspection.column_roles import (
     find_units,
     pair_receivers,
 )
-from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line, rate_line
+from shukotsu.readers.inspection.description import (
+    CHECK,
+    Description,
+    draft,
+    extent_line,
+    median_step,
+    rate_line,
+)
 from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import Layout
-from shukotsu.tables.limits import SECONDS_PER_UNIT, UNIT_NAMES
+from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
 from shukotsu.tables.text_files import NO_VALUE, open_text
 from shukotsu.tables.typed_table import read_metadata
 
@@ -82,7 +89,7 @@ class TextForm:
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
         text += ", a header" if self.header else ", no header"
         text += f", comments after {self.comment}" if self.comment else ""
-        return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
+        return text + (f", {count_of(self.skip_lines, 'line')} before it" if self.skip_lines else "")
 
 
 def detect_form(path: Path) -> TextForm:
@@ -196,7 +203,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
-    lines = [f"a table as text: {table.n_rows} rows, {len(table.titles)} columns; {form.sentence()}"]
+    size = f"{count_of(table.n_rows, 'row')}, {count_of(len(table.titles), 'column')}"
+    lines = [f"a table as text: {size}; {form.sentence()}"]
     lines += filter(None, [text.cut_off(table.titles)])
     lines += _column_lines(table, units)
     repeated = 0.0 if roles.receiver else _repeats(roles, table.numbers, lines)
@@ -207,7 +215,12 @@ def describe_table(path: Path, layout: Layout) -> Description:
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     pairs = [] if roles.receiver else pair_receivers(roles)
     remarks = _remarks(roles, pairs)
-    config = _draft_config(table, units, pairs, layout, asynchronous)
+    whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
+    drafted = _receivers(roles, table.receivers, whole, layout)
+    of_stations = _by_station(drafted, layout)
+    if of_stations and roles.time and units.time.unit == CHECK:
+        units = units._replace(time=_time_of_tracker(units.time, table.numbers[roles.time]))
+    config = _draft_config(table, units, of_stations or (drafted,), layout, asynchronous)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in table.time_of_day | table.dates:
         config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in table.time_of_day else DATES
@@ -247,7 +260,7 @@ def _column_lines(table: _ReadTable, units: Units) -> list[str]:
         widest = max(
             roles.positions, key=lambda g: float(np.nanmax(np.ptp(_rows(numbers, g), axis=0), initial=0))
         )
-        what = f"positions of {len(roles.positions)} receivers, the widest {' '.join(widest)}"
+        what = f"positions of {count_of(len(roles.positions), 'receiver')}, the widest {' '.join(widest)}"
         lines.append(extent_line(what, _rows(numbers, widest), stated))
     else:
         lines += [extent_line(f"position {' '.join(g)}", _rows(numbers, g), stated) for g in roles.positions]
@@ -269,25 +282,26 @@ def _remarks(roles: Roles, pairs: Sequence[tuple[list[str], list[str]]]) -> list
 
 
 def _draft_config(
-    table: _ReadTable,
-    units: Units,
-    pairs: Sequence[tuple[list[str], list[str]]],
-    layout: Layout,
-    asynchronous: bool,
+    table: _ReadTable, units: Units, of_hands: Sequence[Mapping[str, Any]], layout: Layout, asynchronous: bool
 ) -> dict[str, Any]:
-    """Return the drafted mapping without its `csv` group."""
+    """Return the drafted mapping without its `csv` group. of_hands : receivers, or right and left ones."""
     roles = table.roles
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
+    if units.position.unit == CHECK and len(roles.positions) > 3:
+        near = _nearest(np.stack([_rows(table.numbers, group) for group in roles.positions], 1))
+        config["position_unit"] = (CHECK, f"{units.position.why}{near}")
     if roles.orientations[1] or not roles.positions:
         config["orientation"] = _orientation(roles, units.angle)
-    whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
-    config["receivers"] = (_receivers(roles, table.receivers, whole, layout) or {CHECK: {}}, named)
-    return config
+    if len(of_hands) > 1:
+        named = f"{CHECK}: in the order of stations of layout {layout.name}; is it so? The poses will tell"
+    config["receivers"] = (of_hands[0] or {CHECK: {}}, named)
+    left = next(iter(of_hands[1:]), {})
+    return config | ({"left_receivers": (left, "those after the right hand's")} if left else {})
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
@@ -347,7 +361,7 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
                 "receivers are not in step with the rows, or did not move"
             )
         if zeros := int((rows == 0).all(-1).sum()):
-            lines.append(f"{name}: {zeros} rows are all zeros; zeros may stand for 'no value'")
+            lines.append(f"{name}: {count_of(zeros, 'row', 'are')} all zeros; zeros may stand for 'no value'")
     return worst
 
 
@@ -393,6 +407,55 @@ def _receivers(
         key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
         config[key] = (columns, _doubt(roles, position + turning))
     return config
+
+
+def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Name receivers, none of which has a segment's name, by the layout's stations: the right hand's first.
+
+    None where they are no whole hand, nor two, and where the layout has no stations. Receivers with a number
+    each in their names are in its order, else in the file's.
+    """
+    stations = {name: layout.segments[name].receiver for name in layout.measured}
+    if None in stations.values() or not all(key.startswith(CHECK) for key in drafted):
+        return None
+    numbers = [re.findall(r"\d+", str(next(iter(entry[0].values())))) for entry in drafted.values()]
+    each = [int(found[0]) for found in numbers if found and len({*found}) == 1]
+    entries = [*drafted.values()]
+    if len({*each}) == len(entries):
+        entries = [entries[index] for index in np.argsort(each)]
+    for worn in (layout.expected, layout.measured):
+        ordered = sorted(worn, key=lambda name: stations[name] or 0)
+        right, left = entries[: len(ordered)], entries[len(ordered) :]
+        if len(right) == len(ordered) and len(left) in (0, len(ordered)):
+            return tuple(dict(zip(ordered, part, strict=False)) for part in (right, left))  # type: ignore[return-value]
+    return None
+
+
+_TRACKERS_HZ = 5, 2000
+"""Rates that trackers have."""
+
+
+def _time_of_tracker(unit: Unit, time: Array) -> Unit:
+    """Return the one unit in which times have a rate that a tracker has; the same where there is none."""
+    step = median_step(time)
+    hz = {} if step is None else {name: 1 / (step * seconds) for name, seconds in SECONDS_PER_UNIT.items()}
+    meant = [name for name, rate in hz.items() if _TRACKERS_HZ[0] < rate < _TRACKERS_HZ[1]]
+    return Unit(meant[0], f"{hz[meant[0]]:.4g} Hz; in another unit no tracker's") if len(meant) == 1 else unit
+
+
+_NEAREST_MM = 30.0
+"""About so far is the next receiver on a hand that wears one a phalanx."""
+
+
+def _nearest(position: Array) -> str:
+    """Write how far the next one is from a receiver, positions (T, R, 3), and in which unit a hand's is."""
+    seen = position[np.isfinite(position).all((1, 2))][:1]
+    if not len(seen):
+        return ""
+    apart = np.linalg.norm(seen[0][:, None] - seen[0], axis=-1) + np.diag(np.full(len(seen[0]), np.inf))
+    near = float(np.median(apart.min(0)))
+    unit = min(MM_PER_UNIT, key=lambda name: abs(np.log(max(near * MM_PER_UNIT[name], 1e-9) / _NEAREST_MM)))
+    return f"; the next receiver is {near:.2g} of it away, which on one hand is {unit}"
 
 
 def _doubt(roles: Roles, titles: Sequence[str]) -> str:
@@ -481,7 +544,7 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
         ) from None
     lines = [
         f"table {metadata['schema']} (version {metadata['schema_version']}) of {metadata['program']} "
-        f"{metadata['program_version']}: {rows} rows"
+        f"{metadata['program_version']}: {count_of(rows, 'row')}"
     ]
     lines += [
         f"column {name} [{column['unit'] or '-'}]: {column['description']}"
@@ -502,7 +565,10 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
         np.concatenate([part.times_s("time_s", "s") for part in parts]),
     )
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
-    lines = [f"{len(frames)} rows, frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"]
+    lines = [
+        f"{count_of(len(frames), 'row')}, frames {frames.min()} to {frames.max()}, "
+        f"{len(np.unique(frames))} of them"
+    ]
     if SEGMENT in parts[0].names:
         segments = list(dict.fromkeys(name for part in parts for name in part.names_in(SEGMENT)[1]))
         lines.append(f"segments: {', '.join(segments)}")
@@ -514,7 +580,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     if np.isfinite(time_s).any():
         lines.append(rate_line("time_s", time_s, ["s"]))
     whole = np.isfinite(numbers).all(-1)
-    lines.append(f"{(~whole).sum()} of {len(whole)} rows lack a number and stay gaps")
+    lines.append(f"{(~whole).sum()} of {count_of(len(whole), 'row')} lack a number and stay gaps")
     lines.append(extent_line("positions", numbers[:, :3]))
     norm = np.linalg.norm(numbers[:, 3:], axis=-1)
     return [*lines, f"quaternions: median norm {np.nanmedian(norm):.5f}"] if whole.any() else lines

@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter
 
-from shukotsu.errors import InputError
 from shukotsu.report.palette import INK, RULE, SOFT
 from shukotsu.report.templates import translations_of
 from shukotsu.translation import ENGLISH, N_, language
@@ -98,7 +97,12 @@ def apply_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def label(text: str) -> str:
-    """Return the text as the fonts at hand can write it; what none has becomes its code in ASCII."""
+    """Return the text as the fonts at hand can write it; what none has becomes its code in ASCII.
+
+    On a page, which alone is drawn in a language that no font here writes, the reader's browser has one.
+    """
+    if print_language(language()) != language():
+        return without_controls(text)
     drawable = _characters(language())
     return "".join(c if c.isprintable() and ord(c) in drawable else _code(c) for c in text)
 
@@ -166,14 +170,19 @@ def _seek_fonts() -> int:
     return len(new)
 
 
-def check_font(name: str) -> None:
-    """Raise InputError where no font is installed that writes the language of the figures."""
-    if name == ENGLISH or font_of(name) is not None:
-        return
-    raise InputError(
-        f"language: {name}: its figures need a font, and none of {', '.join(_fonts_of(name))} is "
-        "installed; install one (on Debian and Ubuntu: sudo apt-get install fonts-ipaexfont-gothic) or leave "
-        "the key language out of the study file"
+def print_language(name: str) -> str:
+    """Return the language of a study's figures for print: English where no font writes the study's."""
+    return ENGLISH if name == ENGLISH or font_of(name) is None else name
+
+
+def font_note(name: str) -> str:
+    """Return the sentence that says why figures for print are English; empty where they need not be."""
+    if print_language(name) == name:
+        return ""
+    return (
+        f"language: {name}: none of the fonts {', '.join(_fonts_of(name))} is installed, so figures for "
+        "print are in English; install one (on Debian and Ubuntu: sudo apt-get install "
+        "fonts-ipaexfont-gothic)"
     )
 
 

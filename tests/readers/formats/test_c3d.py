@@ -134,7 +134,7 @@ def test_a_cluster_s_shape_does_not_rest_on_its_first_frame(tmp_path: Path, odd:
     samples = read(write(tmp_path / "a.c3d", points), ARM, config())
     posed = of(samples, "hand") & (samples.frame > 101)
     np.testing.assert_allclose(samples.numbers[posed, :3], POSITIONS[1:], atol=1e-3)
-    assert samples.losses == (("1 points at 0, 0, 0 are taken for not seen",) if odd == "first frame" else ())
+    assert samples.losses == (("1 point at 0, 0, 0 is taken for not seen",) if odd == "first frame" else ())
 
 
 HIP = ["RASIS", "LASIS", "LPSIS", "RPSIS"], ["RLFE", "RMFE", "RTHI1", "RTHI2", "RTHI3"]

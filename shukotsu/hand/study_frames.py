@@ -1,0 +1,97 @@
+"""All tables of a study as notebooks want them: by name, over all subjects, with what people group by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shukotsu.errors import InputError, TableError, guess
+from shukotsu.hand.read_results import read_file
+from shukotsu.study.plan import read_plan
+from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
+from shukotsu.tables.catalogue import TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WHOSE = ["subject", "session"]
+WHICH = [*WHOSE, "hand", "task", "trial"]
+
+
+class StudyTables(Mapping[str, "pd.DataFrame"]):
+    """A study's tables by name, each read when it is asked for.
+
+    A table holds the rows of all subjects, of whole skeletons alone where it also has some that were made
+    without a task, and a column for each of the study's factors. What could not be read because its making
+    failed is in `attrs["left_out"]`, by file.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        plans = [read_plan(path) for path in sorted(folder.glob("sub-*/plan.json"))]
+        if not plans:
+            raise InputError(f"{folder}: holds no results of a study; expected a folder such as results/demo")
+        self.folder = folder
+        self._people = [
+            {"subject": plan.subject, "session": plan.session} | dict(plan.factors) for plan in plans
+        ]
+        self._recordings = [
+            recording.key | dict(plan.factors) | dict(recording.factors)
+            for plan in plans
+            for recording in plan.recordings
+        ]
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in TABLES if self._files(name))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        return name in list(self)
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        import pandas as pd
+
+        files = self._files(name) if name in TABLES else []
+        if not files:
+            raise InputError(f"{self.folder}: has no table {name!r}; {guess(name, list(self))}")
+        frames, left_out = [], {}
+        for path in files:
+            try:
+                frames.append(read_file(path))
+            except TableError:
+                raise
+            except InputError as error:
+                left_out[str(path)] = error.message
+        if not frames:
+            raise InputError(next(iter(left_out.values())))
+        frame = pd.concat([each for each in frames if len(each)] or frames[:1], ignore_index=True)
+        if "made_without" in frame:
+            frame = frame[frame["made_without"] == ""].reset_index(drop=True)
+        attributes = frames[0].attrs | {"left_out": left_out}
+        on, rows = (WHICH, self._recordings) if set(WHICH) <= set(frame) else (WHOSE, self._people)
+        if set(on) <= set(frame):
+            levels = pd.DataFrame(rows).drop_duplicates(on)
+            new = [column for column in levels if column in on or column not in frame]
+            frame = frame.merge(levels[new], how="left", on=on)
+        frame.attrs = attributes
+        return frame
+
+    def _files(self, name: str) -> list[Path]:
+        """Return the files of a table: one over the study where there is one, else those of all subjects."""
+        if (whole := self.folder / f"{name}.parquet").is_file():
+            return [whole]
+        if name in FIT_TABLES:
+            return sorted(self.folder.glob(f"sub-*/fits/*/*/{name}.parquet"))
+        return sorted(self.folder.glob(f"sub-*/{name}.parquet")) if name in SUBJECT_TABLES else []
+
+
+def read(path: str | Path) -> Any:
+    """Read a study's results: a Parquet table as a DataFrame, a folder's tables as `StudyTables`.
+
+    path : any table of a study, or the study's folder, such as results/demo; it may have been moved.
+    A gap is pandas' missing value; `attrs` holds `table` (its name), `key` (the columns that tell rows
+    apart), `units` and `descriptions` by column. Raises InputError where there is no such file or study.
+    """
+    return StudyTables(Path(path)) if Path(path).is_dir() else read_file(Path(path))

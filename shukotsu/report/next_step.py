@@ -1,0 +1,99 @@
+"""What stands beside the numbers: joints with care and why, in a line; and the one action that helps most."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from typing import Any
+
+from shukotsu.report.belief import gain_lines, reasons_of
+from shukotsu.report.study_results import Row, StudyResults, hand_of
+from shukotsu.study import verdict
+from shukotsu.study.plan import read_plan
+from shukotsu.tables.subjects import Hand
+from shukotsu.translation import N_, listed, tr, word
+
+MOST_REASONS = 3
+"""So many reasons are named in a line."""
+
+_MOVEMENTS = {
+    "thumb_cmc": N_("record large circles of the thumb, from its base, for 10 s"),
+    "thumb_(mcp|ip)": N_("bend and straighten the thumb alone for 10 s"),
+    "(index|middle|ring|little)_(mcp|pip|dip)": N_("bend and straighten the {digit} finger alone for 10 s"),
+}
+"""By joints: the movement of a recording in which these joints are seen better."""
+_MOVED_MORE = (verdict.MOVED_LITTLE, verdict.UNCERTAIN, verdict.ONE_WAY, verdict.AXIS)
+_WORN_MORE = (verdict.NO_POSE, verdict.ONE_RECEIVER)
+
+
+def doubted_joints(results: StudyResults) -> list[Row]:
+    """Return rows of worn joints under the leading model, of hands that count, that are not believed."""
+    rows = (row for row in results.judging.joints if row["model"] == results.leading)
+    return [row for row in rows if row["verdict"] != verdict.BELIEVE and row["reason"] != verdict.NOT_WORN]
+
+
+def care_line(results: StudyResults) -> str:
+    """Return which joints are to be taken with care and why, the commonest reason first; empty for none."""
+    of_reason: dict[str, list[Row]] = defaultdict(list)
+    for row in doubted_joints(results):
+        of_reason[row["reason"]].append(row)
+    n_hands = len({hand_of(row) for row in results.judging.joints})
+    parts = []
+    for rows in sorted(of_reason.values(), key=len, reverse=True)[:MOST_REASONS]:
+        counts = Counter(row["joint"] for row in rows)
+        joints = [
+            word(joint) if n == n_hands else tr("{joint} (in {n} of {all})", joint=joint, n=n, all=n_hands)
+            for joint, n in counts.items()
+        ]
+        worst = max(rows, key=lambda row: row["sd_mm"] or 0.0)
+        parts.append(": ".join([listed(joints), *reasons_of(worst)[:1]]))
+    return tr("With care: {joints}.", joints="; ".join(parts)) if parts else ""
+
+
+def next_step(results: StudyResults) -> str:
+    """Return the one action that would better most, in words of the hand; empty where nothing is known to.
+
+    Actions are weighed by the millimetres by which joints that they serve miss what is wanted.
+    """
+    if results.suspect:
+        return tr("Next: put right what was found in the recordings, and run again.")
+    missed_mm: dict[str, float] = defaultdict(float)
+    served: dict[str, dict[str, None]] = defaultdict(dict)
+    measured: dict[Hand, bool] = {}
+    for row in doubted_joints(results):
+        hand = hand_of(row)
+        if hand not in measured:
+            plan = results.paths.plan(*hand.who)
+            measured[hand] = not plan.is_file() or read_plan(plan).hand_length_mm is not None
+        wanted_mm = results.layouts[hand].wanted_mm
+        action = _action(row, verdict.doubts_of(row), measured[hand])
+        if action:
+            missed_mm[action] += max((row["sd_mm"] or 2 * wanted_mm) - wanted_mm, 0.0)
+            served[action][row["joint"]] = None
+    if missed_mm:
+        action = max(missed_mm, key=lambda each: missed_mm[each])
+        joints = [*served[action]]
+        return tr("Next: {action}; it serves {joints}.", action=action, joints=joints)
+    hands = {hand_of(row) for row in doubted_joints(results)}
+    gains = [row for row in results.gains if row["model"] == results.leading and hand_of(row) in hands]
+    best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]
+    return tr("Next: {action}", action=gain_lines(best)[0]) if best else ""
+
+
+def _action(row: Row, doubts: verdict.Doubts, is_measured: bool) -> str:
+    """Return what is to be done for a joint that is doubted so; empty where nothing is known to help."""
+    for kind, values in doubts.items():
+        segments: Any = values.get("segments")
+        if kind in _WORN_MORE and segments:
+            return tr("wear a receiver on {segments}, and record again", segments=segments)
+        if kind == verdict.HALVES:
+            return tr(
+                "tape the receivers on both sides of {joint} firmly, and record again", joint=row["joint"]
+            )
+        if kind == verdict.BY_ANATOMY and not is_measured:
+            return tr("measure the hand's length (participants.tsv, column hand_length_mm)")
+        if kind in _MOVED_MORE:
+            for joints, sentence in _MOVEMENTS.items():
+                if re.fullmatch(joints, row["joint"]):
+                    return tr(sentence, digit=row["joint"].partition("_")[0])
+    return ""
