@@ -166,9 +166,9 @@ def model_panels(results: StudyResults) -> list[Panel]:
         names = listed(row.name for row in rows)
         title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=names)
         n = count_range(len(row.numbers) for row in rows)
-        kind = tr("subjects: n = {n}, held out", n=n)
+        kind = tr("n = {n} subjects, held out", n=n)
         if not each.held_out:
-            kind = tr("subjects: n = {n}, in-sample", n=n)
+            kind = tr("n = {n} subjects, in-sample", n=n)
         draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
         panels.append(Panel(kind, title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
     return panels
@@ -239,7 +239,7 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     for names in alike({model: errors[model] for model in results.models if model in errors}):
         of_model = errors[names[0]]
         n = count_range(map(len, of_model.error_mm.values()))
-        words = tr("{own}; hands: n = {n}", own=listed(names), n=n)
+        words = tr("{own}; n = {n} hands", own=listed(names), n=n)
         draw = partial(
             _draw_errors, joints=joints, look=looks[names[0]], errors=of_model, prior=prior, scale=scale
         )
@@ -319,7 +319,9 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
     joints = joints_in_order(results, {joint for of_model in beliefs.values() for joint in of_model})
     panels = []
     for names in alike(beliefs):
-        words = tr("{models}; hands: n = {n}", models=listed(names), n=len(results.hands))
+        words = ngettext(
+            "{models}; n = {n} hand", "{models}; n = {n} hands", len(results.hands), models=listed(names)
+        )
         draw = partial(_draw_trust, joints=joints, beliefs=beliefs[names[0]], hands=results.hands)
         panels.append(Panel(words, words, ROW_MM * len(joints), FOOT_MM, draw))
     handles = [
