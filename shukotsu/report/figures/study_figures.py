@@ -188,9 +188,9 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         shown = listed(row.name.replace("\n", " ") for row in rows)
         title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=shown)
         n = count_range(len(row.numbers) for row in rows)
-        kind = tr("subjects: n = {n}, held out", n=n)
+        kind = tr("n = {n} subjects, held out", n=n)
         if not each.held_out:
-            kind = tr("subjects: n = {n}, in-sample", n=n)
+            kind = tr("n = {n} subjects, in-sample", n=n)
         draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
@@ -262,7 +262,7 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     for names in alike({model: errors[model] for model in results.models if model in errors}):
         of_model = errors[names[0]]
         n = count_range(map(len, of_model.error_mm.values()))
-        words = tr("{own}; hands: n = {n}", own=listed(names), n=n)
+        words = tr("{own}; n = {n} hands", own=listed(names), n=n)
         draw = partial(
             _draw_errors, joints=joints, look=looks[names[0]], errors=of_model, prior=prior, scale=scale
         )
@@ -342,7 +342,9 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
     joints = joints_in_order(results, {joint for of_model in beliefs.values() for joint in of_model})
     panels = []
     for names in alike(beliefs):
-        words = tr("{models}; hands: n = {n}", models=listed(names), n=len(results.hands))
+        words = ngettext(
+            "{models}; n = {n} hand", "{models}; n = {n} hands", len(results.hands), models=listed(names)
+        )
         draw = partial(_draw_trust, joints=joints, beliefs=beliefs[names[0]], hands=results.hands)
         panels.append(Panel(words, words, ROW_MM * len(joints), FOOT_MM, draw))
     handles = [
