@@ -65,8 +65,8 @@ class AngleErrors:
 
 def angle_range(angle_deg: Array, errors: AngleErrors) -> dict[str, float]:
     """Return the range of an angle (T,) without gaps, one frame at least: columns of ranges_of_motion."""
-    low, middle, high = np.percentile(angle_deg, [LOW_PERCENT, 50.0, HIGH_PERCENT])
-    below, above = np.percentile(angle_deg, [_ENDS_PERCENT, 100.0 - _ENDS_PERCENT])
+    percent = [LOW_PERCENT, 50.0, HIGH_PERCENT, _ENDS_PERCENT, 100.0 - _ENDS_PERCENT]
+    low, middle, high, below, above = np.percentile(angle_deg, percent)
     ends = (angle_deg <= below, angle_deg >= above)
     frame = float(errors.change_sd_deg.min())
     by_hand = _at_ends(np.sqrt(np.maximum(errors.change_sd_deg**2 - frame**2, 0.0)), ends)

@@ -134,8 +134,13 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
         raise TableError(f"{path}: {what} ({reason}); {remedy or remedy_of(path)}") from damage
 
 
+def is_sealed(path: Path) -> bool:
+    """Whether a file carries a digest, which holds if it was opened here."""
+    return _digest_holds(path.absolute(), *file_state(path)) is not None
+
+
 def column_ends(
-    path: Path, file: pq.ParquetFile, group: int, column: int, *, with_nulls: bool = False
+    path: Path, file: pq.ParquetFile, group: int, column: int, *, sealed: bool, with_nulls: bool = False
 ) -> tuple[Any, Any] | None:
     """Smallest and largest value of a column in a row group.
 
@@ -151,6 +156,8 @@ def column_ends(
         The same file, open.
     group, column : int
         Indices of the row group and the column.
+    sealed : bool
+        What `is_sealed` says of the file.
     with_nulls : bool
         Whether to accept a column that has nulls.
 
@@ -166,7 +173,6 @@ def column_ends(
 
     """
     with naming_damage(path):
-        sealed = _digest_holds(path.absolute(), *file_state(path)) is not None
         if not sealed:
             file.read_row_group(group, [file.schema.column(column).path], use_threads=False)
         chunk = file.metadata.row_group(group).column(column)
