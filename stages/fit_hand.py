@@ -12,6 +12,7 @@ from shukotsu.study import subject_stage
 from shukotsu.study.results import FIT_TABLES
 
 if TYPE_CHECKING:
+    from shukotsu.fit.calibration import Fits
     from shukotsu.tables.parts import Part
 
 WRITES = {"out": FIT_TABLES}
@@ -43,11 +44,28 @@ def build_parser() -> argparse.ArgumentParser:
         help="calibration poses of the same person's other hand, whose bones are as long",
     )
     command_line.add_outputs(parser, out="folder of the tables to write")
+    parser.add_argument(
+        "--out-other", type=Path, help="fit the person's other hand too, each once: folder of its tables"
+    )
     return parser
 
 
+def each_hand(arguments: argparse.Namespace) -> list[argparse.Namespace]:
+    """Return the arguments of every hand that is fitted, with its folder."""
+    if arguments.out_other is None:
+        return [arguments]
+    other = {"hand": "left" if arguments.hand == "right" else "right", "out": arguments.out_other}
+    return [arguments, argparse.Namespace(**vars(arguments) | other)]
+
+
 def fit(arguments: argparse.Namespace) -> None:
-    """Fit every part of the hand and write what it is and how it moved."""
+    """Fit every part of the hands and write what they are and how they moved."""
+    fits: Fits = {}
+    for of_hand in each_hand(arguments):
+        _fit(of_hand, fits)
+
+
+def _fit(arguments: argparse.Namespace, fits: Fits) -> None:
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_part
     from shukotsu.tables.typed_table import Provenance
@@ -60,7 +78,7 @@ def fit(arguments: argparse.Namespace) -> None:
         for part in parts_of(plan, arguments.hand, arguments.model):
             recorded = fitted_tables(plan, part, tables)
             with subject_stage.recording_failure(arguments, part, *recorded):
-                write_part(plan, part, arguments.other_poses, tables)
+                write_part(plan, part, arguments.other_poses, tables, fits)
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
@@ -73,7 +91,7 @@ def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; return its exit code."""
-    return subject_stage.run(build_parser, argv, fit, WRITES, parts)
+    return subject_stage.run(build_parser, argv, fit, WRITES, parts, each_hand)
 
 
 if __name__ == "__main__":

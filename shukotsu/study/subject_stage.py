@@ -249,20 +249,23 @@ def run(
     parts: Callable[[argparse.Namespace, str], Iterable[Part]] = lambda arguments, _: plan_of(
         arguments
     ).parts(),
+    each: Callable[[argparse.Namespace], Iterable[argparse.Namespace]] = lambda arguments: [arguments],
 ) -> int:
     """Run a stage that writes tables in parts; return its exit code.
 
     With --record-failure a bug outside of all parts is written as the reason why each of them cannot be had.
-    parts : of a table, by its name; by default every skeleton of the plan.
+    parts : of a table, by its name; by default every skeleton of the plan. each : what the work is, one after
+    the other, where it is more than one.
     """
 
     def record_bug(arguments: argparse.Namespace, message: str) -> None:
         from shukotsu.tables.typed_table import Provenance
 
-        with writing(arguments, writes, Provenance()) as tables:
-            for name, table in tables.items():
-                for part in parts(arguments, name):
-                    table.failure(part, message)
+        for of_one in each(arguments):
+            with writing(of_one, writes, Provenance()) as tables:
+                for name, table in tables.items():
+                    for part in parts(of_one, name):
+                        table.failure(part, message)
 
     return command_line.run(build_parser, argv, work, record_bug=record_bug)
 

@@ -114,9 +114,8 @@ def open_parquet(
                 pre_buffer=False,  # no read-ahead: some files are read in parts
                 page_checksum_verification=True,
             )
-        check_expansion(
-            path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy or remedy_of(path)
-        )
+        declared_bytes = _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns
+        check_expansion(path, declared_bytes, lambda: remedy or remedy_of(path))
     except InputError as refused:
         raise TableError(refused.message) from refused
     return file

@@ -217,6 +217,7 @@ class TableFile:
     path: Path
     table: Table
     file: pq.ParquetFile
+    _ends: dict[tuple[int, int, bool], tuple[Any, Any] | None] = field(default_factory=dict)
 
     @cached_property
     def group_rows(self) -> list[int]:
@@ -249,7 +250,10 @@ class TableFile:
     def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
         """Smallest and largest value of a column in a row group, see `column_ends`."""
         at = group, self._index[name]
-        return column_ends(self.path, self.file, *at, sealed=self._sealed, with_nulls=with_nulls)
+        if (*at, with_nulls) not in self._ends:
+            ends = column_ends(self.path, self.file, *at, sealed=self._sealed, with_nulls=with_nulls)
+            self._ends[*at, with_nulls] = ends
+        return self._ends[*at, with_nulls]
 
     def rows_with(
         self,
