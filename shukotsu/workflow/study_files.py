@@ -338,7 +338,7 @@ class StudyFiles:
 
     def fit_plan(self, wildcards: Wildcards) -> str:
         """Digest of the plan of a fit of the whole hand, or of both."""
-        model, hand = self.model(wildcards), wildcards.get("hand", "")
+        model, hand = self.model(wildcards), getattr(wildcards, "hand", "")
         return plan_digest(fit_part(self._contents[wildcards.subject], hand, model))
 
     def truth(self, wildcards: Wildcards) -> list[str]:
