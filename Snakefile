@@ -16,6 +16,10 @@ results = study.results.folder.as_posix()
 subject = f"{results}/sub-{{subject}}"
 SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
 fit = f"{subject}/fits/{{hand}}/{{model}}"
+both_fits = [fit.replace("{hand}", hand) for hand in ("right", "left")]
+
+
+ruleorder: fit_hands > fit_hand
 
 
 report: f"{study_rules.CAPTIONS}/workflow.rst"  # the first page of `snakemake --report`
@@ -142,10 +146,21 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
     params:
         plan=study.fit_plan,
         model=study.model,
-        out=f"--out={fit}",
+        hands=["--hand={hand}", f"--out={fit}"],
     shell:
         '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/fit_hand.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
-        " --hand {wildcards.hand} --model {params.model:q} {params.out:q} 2> {log}"
+        " --model {params.model:q} {params.hands:q} 2> {log}"
+
+
+use rule fit_hand as fit_hands with:  # a person's two that share lengths, each of them once
+    output:
+        [f"{fit}/{table}.parquet" for fit in both_fits for table in FIT_TABLES],
+    params:
+        plan=study.fit_plan,
+        model=study.model,
+        hands=["--hand=right", f"--out={both_fits[0]}", f"--out-other={both_fits[1]}"],
+    wildcard_constraints:
+        **study.fitted_together,
 
 
 rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures

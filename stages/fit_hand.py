@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line, job
@@ -11,6 +12,7 @@ from shukotsu.study import subject_stage
 from shukotsu.study.results import FIT_TABLES
 
 if TYPE_CHECKING:
+    from shukotsu.fit.calibration import Fits
     from shukotsu.tables.parts import Part
 
 WRITES = {"out": FIT_TABLES}
@@ -35,11 +37,28 @@ def build_parser() -> argparse.ArgumentParser:
         sheets=("measurements", "touches"),
     )
     command_line.add_outputs(parser, out="folder of the tables to write")
+    parser.add_argument(
+        "--out-other", type=Path, help="fit the person's other hand too, each once: folder of its tables"
+    )
     return parser
 
 
+def each_hand(arguments: argparse.Namespace) -> list[argparse.Namespace]:
+    """Return the arguments of every hand that is fitted, with its folder."""
+    if arguments.out_other is None:
+        return [arguments]
+    other = {"hand": "left" if arguments.hand == "right" else "right", "out": arguments.out_other}
+    return [arguments, argparse.Namespace(**vars(arguments) | other)]
+
+
 def fit(arguments: argparse.Namespace) -> None:
-    """Fit every part of the hand; write its dimensions and its motion."""
+    """Fit every part of the hands and write their dimensions and their motion."""
+    fits: Fits = {}
+    for of_hand in each_hand(arguments):
+        _fit(of_hand, fits)
+
+
+def _fit(arguments: argparse.Namespace, fits: Fits) -> None:
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_part
     from shukotsu.tables.typed_table import Provenance
@@ -52,7 +71,7 @@ def fit(arguments: argparse.Namespace) -> None:
         for part in parts_of(plan, arguments.hand, arguments.model):
             recorded = fitted_tables(plan, part, tables)
             with subject_stage.recording_failure(arguments, part, *recorded):
-                write_part(plan, part, tables)
+                write_part(plan, part, tables, fits)
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
@@ -63,7 +82,7 @@ def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
     return parts_of(plan, arguments.hand, arguments.model)
 
 
-main = subject_stage.script(build_parser, fit, WRITES, parts)
+main = subject_stage.script(build_parser, fit, WRITES, parts, each_hand)
 
 
 if __name__ == "__main__":

@@ -111,17 +111,19 @@ def _rate_turns(
         depends = body.faced[joint] | (facing == 0)
         rest = np.swapaxes(body.rest[joint[depends], facing], 1, 2)[:, None]
         turned = rest @ turn[depends]  # turns about y, z and x carried one by the other
-        radians = [
-            np.arctan2(-turned[..., 2, 0], turned[..., 0, 0]),
-            np.arctan2(turned[..., 1, 0], np.hypot(turned[..., 0, 0], turned[..., 2, 0])),
-            np.arctan2(-turned[..., 1, 2], turned[..., 1, 1]),
-        ]
-        ordered = np.sort(np.where(seen[depends], np.degrees(radians), np.nan))  # (3, P, K), NaN last
-        last = np.maximum(np.isfinite(ordered).sum(-1, keepdims=True) - 1, 0)
-        low, middle, high = (
-            np.nan_to_num(np.take_along_axis(ordered, (share * last).round().astype(int), -1)[..., 0].T)
-            for share in (0.1, 0.5, 0.9)
+        radians = np.array(
+            [
+                np.arctan2(-turned[..., 2, 0], turned[..., 0, 0]),
+                np.arctan2(turned[..., 1, 0], np.hypot(turned[..., 0, 0], turned[..., 2, 0])),
+                np.arctan2(-turned[..., 1, 2], turned[..., 1, 1]),
+            ]
         )
+        radians[:, ~seen[depends]] = np.nan
+        radians.sort()  # (3, P, K), NaN last
+        last = np.maximum(np.isfinite(radians).sum(-1, keepdims=True) - 1, 0)
+        at = [(share * last).round().astype(int) for share in (0.1, 0.5, 0.9)]
+        chosen = np.nan_to_num(np.degrees(np.take_along_axis(radians, np.concatenate(at, -1), -1)))
+        low, middle, high = np.moveaxis(chosen, -1, 0).swapaxes(1, 2)
         angles_deg[depends, facing] = np.stack([low, middle, high], 1)
         turning[depends, facing] = _turning(body, joint[depends], low, middle, high)
     alike = ~body.faced[joint]
@@ -279,13 +281,17 @@ def _opens(
 
     Another unit has all gaps in another unit, and is judged by the hand's size.
     """
-    opens = np.zeros(len(hypotheses), bool)
-    for row, hypothesis in enumerate(hypotheses):
-        concerned = body.concerned(hypothesis.places)
-        before, after = np.median(explanation.gap_mm[[0, row + 1]][:, concerned], axis=1)
-        most = CLOSES * before if hypothesis.kind == "axes-mirrored" else before + WIDER_MM
-        opens[row] = hypothesis.kind != "units" and after > most
-    return opens
+    by_places = {h.places: body.concerned(h.places) for h in hypotheses}
+    rows = [by_places[h.places] for h in hypotheses]
+    concerned = np.array(rows, bool).reshape(len(rows), len(body.names))
+    count = concerned.sum(-1, keepdims=True)
+    gap_mm = np.array([np.broadcast_to(explanation.gap_mm[0], concerned.shape), explanation.gap_mm[1:]])
+    ordered_mm = np.sort(np.where(concerned, gap_mm, np.inf))
+    halves = [np.take_along_axis(ordered_mm, at[None], -1) for at in ((count - 1) // 2, count // 2)]
+    before_mm, after_mm = np.mean(halves, axis=0)[..., 0]  # medians of the joints concerned
+    kinds = np.array([h.kind for h in hypotheses], str)
+    most_mm = np.where(kinds == "axes-mirrored", CLOSES * before_mm, before_mm + WIDER_MM)
+    return np.asarray((kinds != "units") & (after_mm > most_mm))
 
 
 def _away(motion: SampledMotion, hypotheses: Sequence[Hypothesis]) -> Array:

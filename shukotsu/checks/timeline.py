@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -45,12 +46,26 @@ class Timeline:
         steps = steps[np.isfinite(steps) & (steps > 0)]
         return float(np.median(steps)) if len(steps) else float("nan")
 
+    @cached_property
+    def same_as_before(self) -> Bools:
+        """Whether each receiver's poses (S, T - 1) are to the last bit those of the frame before."""
+        n_frames, n_receivers = self.valid.shape
+        same = [_same_as_before(self, receiver) for receiver in range(n_receivers)]
+        return np.array(same, bool).reshape(n_receivers, max(0, n_frames - 1))
 
-def _windows(rows: Rows, more: int, function: Callable[[Rows], npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """Apply a function to rows (N,) some at a time, each time to `more` beyond; return (..., N - more)."""
+
+def _windows(rows: Rows, more: int, function: Callable[[Rows | slice], npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Apply a function to rows (N,) some at a time, each time to `more` beyond; return (..., N - more).
+
+    Rows that follow each other it gets as a slice, which copies nothing.
+    """
     count = max(0, len(rows) - more)
-    starts = range(0, max(count, 1), BLOCK_ROWS)
-    parts = [function(rows[start : min(start + BLOCK_ROWS, count) + more]) for start in starts]
+    ends = [(s, min(s + BLOCK_ROWS, count) + more) for s in range(0, max(count, 1), BLOCK_ROWS)]
+    if len(rows) > more and rows[-1] - rows[0] == len(rows) - 1:
+        first = int(rows[0])
+        parts = [function(slice(first + start, first + end)) for start, end in ends]
+    else:
+        parts = [function(rows[start:end]) for start, end in ends]
     return np.concatenate(parts, -1)
 
 
@@ -82,7 +97,7 @@ def spikes(line: Timeline) -> Bools:
             if len(rows) <= 2 * far:
                 continue
 
-            def steps(part: Rows, receiver: int = receiver, far: int = far) -> Array:
+            def steps(part: Rows | slice, receiver: int = receiver, far: int = far) -> Array:
                 here, turn = line.position_mm[part, receiver], line.quaternion[part, receiver]
                 before, middle, after = here[: -2 * far], here[far:-far], here[2 * far :]
                 off, apart = middle - (before + after) / 2, after - before
@@ -111,7 +126,7 @@ def stuck(line: Timeline) -> Bools:
     least = max(STUCK_FRAMES, int(STUCK_S / interval)) if interval > 0 else STUCK_FRAMES
     still = np.zeros(line.valid.shape, bool)
     for receiver, valid in enumerate(line.valid.T):
-        same = _same_as_before(line, receiver) & valid[1:] & valid[:-1]
+        same = line.same_as_before[receiver] & valid[1:] & valid[:-1]
         if not same.any() or same[valid[1:]].mean() > ALL_ALONG:
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
@@ -130,7 +145,7 @@ def stuck(line: Timeline) -> Bools:
 def _same_as_before(line: Timeline, receiver: int) -> Bools:
     """Whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
 
-    def same(part: Rows) -> Bools:
+    def same(part: Rows | slice) -> Bools:
         places, turns = (
             (numbers[1:] == numbers[:-1]).all(-1)
             for numbers in (line.position_mm[part, receiver], line.quaternion[part, receiver])
@@ -145,7 +160,7 @@ def zeros(line: Timeline) -> Bools:
     empty = np.zeros(line.valid.shape, bool)
     for receiver, valid in enumerate(line.valid.T):
 
-        def there(part: Rows, receiver: int = receiver) -> Bools:
+        def there(part: Rows | slice, receiver: int = receiver) -> Bools:
             here, turn = line.position_mm[part, receiver], line.quaternion[part, receiver, 1:]
             return np.asarray((here == 0).all(-1) & (turn == 0).all(-1))
 
@@ -174,7 +189,7 @@ def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
     for receiver in {receiver for pair in pairs for receiver in pair}:
         rows = np.flatnonzero(line.valid[:, receiver])
 
-        def moved(part: Rows, receiver: int = receiver, first: int = int(rows[0])) -> Bools:
+        def moved(part: Rows | slice, receiver: int = receiver, first: int = int(rows[0])) -> Bools:
             place_mm = line.position_mm[:, receiver]
             return np.asarray((place_mm[part] != place_mm[first]).any(-1))
 
@@ -187,7 +202,7 @@ def repeated_share(line: Timeline) -> float:
     """Share of frames in which every receiver stands as in the frame before."""
     same = np.asarray(line.valid[1:].any(-1))
     for receiver, valid in enumerate(line.valid.T):
-        same &= _same_as_before(line, receiver) | ~valid[1:]
+        same &= line.same_as_before[receiver] | ~valid[1:]
     return float(same.mean()) if same.size else 0.0
 
 
@@ -222,7 +237,7 @@ def turning_speed(line: Timeline, most_frames: int = 12) -> float:
 def _turned_deg(line: Timeline, receiver: int, rows: Rows, stride: int) -> Array:
     """Angles (N - stride,) between a receiver's poses in rows (N,), so many of them apart."""
 
-    def turned(part: Rows) -> Array:
+    def turned(part: Rows | slice) -> Array:
         quaternion = line.quaternion[part, receiver]
         return _between_deg(quaternion[stride:], quaternion[:-stride])
 
@@ -236,11 +251,11 @@ def jumps(line: Timeline, receiver: int) -> bool:
         return False
     middle = np.array([np.median(line.position_mm[rows, receiver, axis]) for axis in range(3)])
 
-    def bends(part: Rows) -> Array:
+    def bends(part: Rows | slice) -> Array:
         here = line.position_mm[part, receiver]
         return np.asarray(np.linalg.norm(here[2:] - 2 * here[1:-1] + here[:-2], axis=-1))
 
-    def away_mm(part: Rows) -> Array:
+    def away_mm(part: Rows | slice) -> Array:
         return np.asarray(np.linalg.norm(line.position_mm[part, receiver] - middle, axis=-1))
 
     bent, spread = np.median(_windows(rows, 2, bends)), np.median(_windows(rows, 0, away_mm))

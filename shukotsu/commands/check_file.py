@@ -58,16 +58,16 @@ def check_recording(arguments: argparse.Namespace) -> int:
 
     Return the exit code of the gravest finding.
     """
-    from shukotsu.checks.checked_subject import checked_poses
-    from shukotsu.readers import import_recording
-    from shukotsu.study.findings import EXIT_CODES, in_quotes
-    from shukotsu.study.layout import read_layout
-
     path, hand, layout, mapping = arguments.file, arguments.hand, arguments.layout, arguments.mapping
     with reading(path, "a study or a recording"):
         path.stat()
     if hand is None:
         raise InputError(f"{path}: --hand is missing; say which hand the recording is of, right or left")
+    from shukotsu.checks.checked_subject import checked_poses  # late, as they take a second to import
+    from shukotsu.readers import import_recording
+    from shukotsu.study.findings import EXIT_CODES, in_quotes
+    from shukotsu.study.layout import read_layout
+
     with tempfile.TemporaryDirectory() as folder:
         poses = Path(folder, "poses.parquet")
         who = [f"--in={path}", f"--layout={layout}", f"--hand={hand}", "--subject=-", "--task=-"]

@@ -40,16 +40,33 @@ repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and
 """
 
 
+Calibrated = tuple[HandFit, Mapping[RecordingName, Poses], Unsteady]
+"""A hand that is fitted alone, what it was fitted to, and what was displaced there."""
+Fits = dict[tuple[str, ...], Calibrated]
+"""Hands of a person that are fitted already, by what they are fitted to."""
+
+
 def calibrated_hand(
-    plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = ()
+    plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = (), fits: Fits | None = None
 ) -> tuple[Fingertips, Unsteady]:
-    """A part's hand with its fingertips, fitted beside the person's other one where they share lengths."""
+    """A part's hand with its fingertips, fitted beside the person's other one where they share lengths.
+
+    fits : of this person, to which those are added that it lacks.
+    """
+    fits = {} if fits is None else fits
+
+    def fit_once(hand: str, poses: Sequence[Path]) -> Calibrated:
+        key = plan.layouts[part.hand].name, part.model, hand, *map(str, poses)
+        if key not in fits:
+            fits[key] = fit_calibration(plan, part, hand, poses)
+        return fits[key]
+
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
-    fit, recordings, unsteady = fit_calibration(plan, part, part.hand, poses)
+    fit, recordings, unsteady = fit_once(part.hand, poses)
     if other_poses and _fitting(plan, part).share_lengths:
         other_hand = "left" if part.hand == "right" else "right"
         try:
-            other = fit_calibration(plan, part, other_hand, other_poses)[0]
+            other = fit_once(other_hand, other_poses)[0]
             fit = share_lengths(fit, other)[0]
         except TableError:
             raise
@@ -105,9 +122,7 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
     return fitting
 
 
-def fit_calibration(
-    plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]
-) -> tuple[HandFit, Mapping[RecordingName, Poses], Unsteady]:
+def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibrated:
     """Fit one of the person's hands to its calibration, as thinned, and to what a calliper measured on it.
 
     Frames in which a receiver was displaced are left out where they make centres worse. Raises InputError

@@ -399,16 +399,9 @@ def _differences(ahead: Array, behind: Array) -> Array:
 
 def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -> Array:
     """Derivative (F, 3, 3) of joint angles, deg, by a turn of the child in the transmitter's frame, rad."""
-    columns = []
-    for axis in np.eye(3):
-        ahead, behind = (
-            joint_angles(
-                parent, multiply(about_axis(axis, np.array(sign * _NUDGE_RAD)), child), hand, rest, axes
-            )
-            for sign in (1, -1)
-        )
-        columns.append(_differences(ahead, behind))
-    return np.stack(columns, -1)
+    nudges = np.stack([about_axis(np.eye(3), np.full(3, sign * _NUDGE_RAD)) for sign in (1, -1)])
+    ahead, behind = joint_angles(parent, multiply(nudges[:, :, None], child), hand, rest, axes)
+    return np.moveaxis(_differences(ahead, behind), 0, -1)
 
 
 def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array:

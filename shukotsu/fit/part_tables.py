@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError
-from shukotsu.fit.calibration import REFERENCE_FRAMES, calibrated_hand, partner_poses, read_thinned
+from shukotsu.fit.calibration import REFERENCE_FRAMES, Fits, calibrated_hand, partner_poses, read_thinned
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fingertips import BONE, TIP, Fingertips
 from shukotsu.fit.fit import HandFit
@@ -85,13 +85,13 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     return list(recorded.values())
 
 
-def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> None:
-    """Fit one skeleton and write its rows of every table."""
+def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], fits: Fits) -> None:
+    """Fit one skeleton and write its rows of every table; fits : see `calibrated_hand`."""
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
     if alone:
         print(f"note: {alone}", file=sys.stderr)
-    tips, unsteady = calibrated_hand(plan, part, partner)
+    tips, unsteady = calibrated_hand(plan, part, partner, fits)
     weighed = not plan.models[part.model].is_reference
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,9 @@ ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
 
 LONG_FRAMES = 1 << 18
 """Frames, 18 minutes at 240 Hz, above which numbers are in single precision, far below their noise."""
+
+_TOGETHER = 1 << 19
+"""Frames of joints whose angles are read together: a row group has all joints, and is read as a whole."""
 
 _FACING_FRAMES = 512
 """Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
@@ -77,8 +80,12 @@ class RecordedMovement:
         """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
         digits = self.reader.layout.digits.values()
         pairs = [(digit, joint) for digit in digits for joint in digit.joints]
-        for digit, joint in pairs:
-            columns = self._of_table(joint) if self.reader.is_fitted else self._angles_deg.get(joint)
+        at_once = max(1, _TOGETHER // max(1, len(self.frame)))
+        columns_of = self._angles_deg
+        for number, (digit, joint) in enumerate(pairs):
+            if self.reader.is_fitted and number % at_once == 0:
+                columns_of = self._of_table([name for _, name in pairs[number : number + at_once]])
+            columns = columns_of.get(joint)
             if columns is None:
                 continue
             status, each = _reliability(self.reader, digit, joint), columns.shape[1] // len(ANGLES)
@@ -87,17 +94,18 @@ class RecordedMovement:
                 errors = columns[:, index * each + 1 : (index + 1) * each]
                 yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
 
-    def _of_table(self, joint: str) -> Array | None:
-        """Return columns (T, 3 (1 + E), 1) of a joint, angles with their errors; None if it has none."""
+    def _of_table(self, joints: Sequence[str]) -> dict[str, Array]:
+        """Return columns (T, 3 (1 + E), 1) of each of the joints that has any, angles with their errors."""
         names = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
-        columns = _columns(len(self.frame), len(names))
+        columns_of: dict[str, Array] = {}
         for start in range(0, len(self.frame), BLOCK_FRAMES):
             rows = slice(start, start + BLOCK_FRAMES)
-            read = self.reader.numbers(JOINT_ANGLES, names, self.frame[rows], joint)
-            if joint not in read:
-                return None
-            columns[rows] = read[joint][..., None]
-        return columns
+            only = joints[0] if len(joints) == 1 else ""
+            for joint, read in self.reader.numbers(JOINT_ANGLES, names, self.frame[rows], only).items():
+                if joint in joints:
+                    columns = columns_of.setdefault(joint, _columns(len(self.frame), len(names)))
+                    columns[rows] = read[..., None]
+        return columns_of
 
 
 def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str, str]:

@@ -19,7 +19,7 @@ def matrix(quaternion: Array) -> Array:
 
     quaternion : array, shape (..., 4), unit (w, x, y, z). Returns shape (..., 3, 3).
     """
-    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    w, x, y, z = (quaternion[..., part] for part in range(4))
     out = np.empty((*quaternion.shape[:-1], 3, 3))
     out[..., 0, 0] = 1 - 2 * (y * y + z * z)
     out[..., 0, 1] = 2 * (x * y - w * z)
@@ -62,8 +62,8 @@ def from_matrix(rotation: Array) -> Array:
 
 def multiply(first: Array, second: Array) -> Array:
     """Hamilton product, shapes (..., 4): the rotation `second`, then the rotation `first`."""
-    aw, ax, ay, az = np.moveaxis(first, -1, 0)
-    bw, bx, by, bz = np.moveaxis(second, -1, 0)
+    aw, ax, ay, az = (first[..., part] for part in range(4))
+    bw, bx, by, bz = (second[..., part] for part in range(4))
     w = aw * bw - ax * bx - ay * by - az * bz
     out = np.empty((*w.shape, 4))
     out[..., 0] = w
@@ -80,8 +80,8 @@ def conjugate(quaternion: Array) -> Array:
 
 def rotate(quaternion: Array, vector: Array) -> Array:
     """Vectors (..., 3) rotated by unit quaternions (..., 4); the shapes broadcast."""
-    w, x, y, z = np.moveaxis(quaternion, -1, 0)
-    a, b, c = np.moveaxis(vector, -1, 0)
+    w, x, y, z = (quaternion[..., part] for part in range(4))
+    a, b, c = (vector[..., axis] for axis in range(3))
     u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     out = np.empty((*u.shape, 3))  # v + w 2(q x v) + q x 2(q x v); written out, np.cross being slow
     out[..., 0] = a + w * u + y * t - z * v
@@ -154,10 +154,11 @@ def cross(a: Array, b: Array) -> Array:
 
 def cross_matrix(vector: Array) -> Array:
     """Matrices (..., 3, 3) that give the cross product of vectors (..., 3) with what they multiply."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, -1) for row in rows], -2)
+    x, y, z = (vector[..., axis] for axis in range(3))
+    out = np.zeros((*vector.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
 
 
 def exp_rotation(vector: Array) -> Array:

@@ -65,21 +65,25 @@ class AngleErrors:
 
 def angle_range(angle_deg: Array, errors: AngleErrors) -> dict[str, float]:
     """Return the range of an angle (T,) without gaps, one frame at least: columns of ranges_of_motion."""
-    low, middle, high = np.percentile(angle_deg, [LOW_PERCENT, 50.0, HIGH_PERCENT])
-    below, above = np.percentile(angle_deg, [_ENDS_PERCENT, 100.0 - _ENDS_PERCENT])
+    percent = [LOW_PERCENT, 50.0, HIGH_PERCENT, _ENDS_PERCENT, 100.0 - _ENDS_PERCENT]
+    low, middle, high, below, above = np.percentile(angle_deg, percent)
     ends = (angle_deg <= below, angle_deg >= above)
-    frame = float(errors.change_sd_deg.min())
-    by_hand = _at_ends(np.sqrt(np.maximum(errors.change_sd_deg**2 - frame**2, 0.0)), ends)
-    range_deg = float(high - low)
-    widened = range_deg - np.sqrt(max(range_deg**2 - (_WIDTH_OF_NORMAL * frame) ** 2, 0.0))
-    visits = _visits(ends[0], angle_deg > middle), _visits(ends[1], angle_deg < middle)
-    anew = _at_ends(errors.session_change_sd_deg, ends)
-    return {
-        "range_deg": range_deg,
+    row = {
+        "range_deg": float(high - low),
         "low_deg": float(low),
         "high_deg": float(high),
         "full_range_deg": float(np.ptp(angle_deg)),
         "median_deg": float(middle),
+    }
+    if np.isnan(errors.sd_deg).all():  # none is stated
+        return row
+    frame = float(errors.change_sd_deg.min())
+    by_hand = _at_ends(np.sqrt(np.maximum(errors.change_sd_deg**2 - frame**2, 0.0)), ends)
+    range_deg = row["range_deg"]
+    widened = range_deg - np.sqrt(max(range_deg**2 - (_WIDTH_OF_NORMAL * frame) ** 2, 0.0))
+    visits = _visits(ends[0], angle_deg > middle), _visits(ends[1], angle_deg < middle)
+    anew = _at_ends(errors.session_change_sd_deg, ends)
+    return row | {
         "range_sd_deg": float(np.sqrt(by_hand**2 + 2 * frame**2 + widened**2)),
         "median_sd_deg": float(np.median(errors.sd_deg)),
         "range_session_sd_deg": float(np.sqrt(anew**2 + frame**2 * sum(1 / n for n in visits))),

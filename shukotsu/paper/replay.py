@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -22,8 +23,9 @@ from shukotsu.hand.posed_recording import read_skeleton
 from shukotsu.hand.posing import PosedRecording, Skeleton, receiver_bones, rigid_positions, root_names
 from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
 from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import METACARPALS
-from shukotsu.tables.parts import Part, PartsWriter, open_parts
+from shukotsu.tables.parts import Part, PartsReader, PartsWriter, open_parts
 from shukotsu.tables.poses import Poses, PosesReader, frame_count, poses_reader
 from shukotsu.translation import listed
 
@@ -163,19 +165,21 @@ def write_part(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWr
             for digit in layout.digits:
                 errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
             continue
-
-        def turns(
-            digit: str, frames: Index, task: str = recording.task, trial: str = recording.trial
-        ) -> dict[str, Array]:
-            keys = (task, trial, "digit", [f"q{name}" for name in "wxyz"])
-            with open_parts(plan.table("metacarpals"), METACARPALS) as parts:
-                return parts.recording(part, *keys, len(frames), frames, digit)
-
         reader = poses_reader([plan.poses(recording)], layout.measured)
-        for columns, rows in replay_recording(skeleton, reader, turns):
-            if columns is not None:
-                tips.columns(part, {**keys, **columns})
-            errors.rows(part, [{**row_keys, **row} for row in rows])
+        with open_parts(plan.table("metacarpals"), METACARPALS) as parts:
+            turns = partial(_turns, parts, part, recording)
+            for columns, rows in replay_recording(skeleton, reader, turns):
+                if columns is not None:
+                    tips.columns(part, {**keys, **columns})
+                errors.rows(part, [{**row_keys, **row} for row in rows])
+
+
+def _turns(
+    parts: PartsReader, part: Part, recording: Recording, digit: str, frames: Index
+) -> dict[str, Array]:
+    """Read quaternions (T, 4) of a digit's metacarpal at those frames, by digit."""
+    keys = recording.task, recording.trial, "digit", [f"q{name}" for name in "wxyz"]
+    return parts.recording(part, *keys, len(frames), frames, digit)
 
 
 def replay_recording(

@@ -246,20 +246,23 @@ def script(
     work: Callable[[argparse.Namespace], None],
     writes: Writes,
     parts: Callable[[argparse.Namespace, str], Iterable[Part]] = lambda options, _: plan_of(options).parts(),
+    each: Callable[[argparse.Namespace], Iterable[argparse.Namespace]] = lambda options: [options],
 ) -> Callable[..., int]:
     """Return the `main` of a stage that writes tables in parts.
 
     With --record-failure a bug outside of all parts is written as the reason why each of them is missing.
-    parts : of a table, by its name; by default every skeleton of the plan.
+    parts : of a table, by its name; by default every skeleton of the plan. each : the units of work, one
+    after the other, where there are several.
     """
 
     def record_bug(arguments: argparse.Namespace, message: str) -> None:
         from shukotsu.tables.typed_table import Provenance
 
-        with writing(arguments, writes, Provenance()) as tables:
-            for name, table in tables.items():
-                for part in parts(arguments, name):
-                    table.failure(part, message)
+        for of_one in each(arguments):
+            with writing(of_one, writes, Provenance()) as tables:
+                for name, table in tables.items():
+                    for part in parts(of_one, name):
+                        table.failure(part, message)
 
     return command_line.script(build_parser, work, record_bug=record_bug)
 

@@ -8,6 +8,7 @@ The limits are far beyond real recordings and configurations; docs/reliability.m
 from __future__ import annotations
 
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 from shukotsu.errors import InputError
@@ -131,11 +132,11 @@ def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> byte
     return path.read_bytes()
 
 
-def check_expansion(path: Path, unpacked_bytes: float, remedy: str) -> None:
+def check_expansion(path: Path, unpacked_bytes: float, remedy: Callable[[], str]) -> None:
     """Raise InputError where a file declares that it unpacks to far more than its size."""
     size = path.stat().st_size
     if unpacked_bytes > MOST_EXPANSION * size + MEMORY_BYTES:
         raise InputError(
             f"{path}: would unpack from {size / 1e6:.1f} MB to {unpacked_bytes / 1e9:.1f} GB, which no "
-            f"recording does; {remedy}"
+            f"recording does; {remedy()}"
         )

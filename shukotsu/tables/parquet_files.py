@@ -114,9 +114,8 @@ def open_parquet(
                 pre_buffer=False,  # no read-ahead: some files are read in parts
                 page_checksum_verification=True,
             )
-        check_expansion(
-            path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy or remedy_of(path)
-        )
+        declared_bytes = _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns
+        check_expansion(path, declared_bytes, lambda: remedy or remedy_of(path))
     except InputError as refused:
         raise TableError(refused.message) from refused
     return file
@@ -134,8 +133,13 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
         raise TableError(f"{path}: {what} ({reason}); {remedy or remedy_of(path)}") from damage
 
 
+def is_sealed(path: Path) -> bool:
+    """Whether a file carries a digest, which holds if it was opened here."""
+    return _digest_holds(path.absolute(), *file_state(path)) is not None
+
+
 def column_ends(
-    path: Path, file: pq.ParquetFile, group: int, column: int, *, with_nulls: bool = False
+    path: Path, file: pq.ParquetFile, group: int, column: int, *, sealed: bool, with_nulls: bool = False
 ) -> tuple[Any, Any] | None:
     """Smallest and largest value of a column in a row group.
 
@@ -151,6 +155,8 @@ def column_ends(
         The same file, open.
     group, column : int
         Indices of the row group and the column.
+    sealed : bool
+        What `is_sealed` says of the file.
     with_nulls : bool
         Whether to accept a column that has nulls.
 
@@ -166,7 +172,6 @@ def column_ends(
 
     """
     with naming_damage(path):
-        sealed = _digest_holds(path.absolute(), *file_state(path)) is not None
         if not sealed:
             file.read_row_group(group, [file.schema.column(column).path], use_threads=False)
         chunk = file.metadata.row_group(group).column(column)

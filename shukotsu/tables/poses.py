@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from shukotsu.tables.limits import FARTHEST_MM
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import TableFile, column_array, open_table, read_metadata
+from shukotsu.tables.whole_files import file_state
 
 Array = npt.NDArray[np.float64]
 
@@ -311,6 +313,12 @@ def seen_segments(path: Path) -> set[str]:
 
 def frame_count(path: Path) -> int:
     """Number of frames of a poses file, read from its footer."""
+    return _frame_count(path, *(file_state(path) if path.is_file() else ()))
+
+
+@lru_cache(maxsize=256)
+def _frame_count(path: Path, *_: int) -> int:
+    """As `frame_count`, cached by the file's state."""
     with open_table(path, POSES) as file:
         groups = next(iter(_row_groups(file).values()), [])
         return sum(file.group_rows[group] for group in groups)

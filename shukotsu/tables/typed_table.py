@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.resources import PROGRAM, VERSION
-from shukotsu.tables.parquet_files import column_ends, naming_damage, open_parquet, store_digest
+from shukotsu.tables.parquet_files import column_ends, is_sealed, naming_damage, open_parquet, store_digest
 from shukotsu.tables.whole_files import file_sha256, files_in, replacing
 
 METADATA_KEY = b"shukotsu"
@@ -217,6 +217,7 @@ class TableFile:
     path: Path
     table: Table
     file: pq.ParquetFile
+    _ends: dict[tuple[int, int, bool], tuple[Any, Any] | None] = field(default_factory=dict)
 
     @cached_property
     def group_rows(self) -> list[int]:
@@ -227,6 +228,12 @@ class TableFile:
     def _index(self) -> dict[str, int]:
         """Index of each column."""
         return {name: index for index, name in enumerate(self.file.schema_arrow.names)}
+
+    @cached_property
+    def _sealed(self) -> bool:
+        """Whether the file carries a digest: looked up once, as a table has thousands of ends."""
+        with naming_damage(self.path):
+            return is_sealed(self.path)
 
     def read(self, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
         """Read columns (default: all) of row groups (default: all)."""
@@ -242,7 +249,11 @@ class TableFile:
 
     def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
         """Smallest and largest value of a column in a row group, see `column_ends`."""
-        return column_ends(self.path, self.file, group, self._index[name], with_nulls=with_nulls)
+        at = group, self._index[name]
+        if (*at, with_nulls) not in self._ends:
+            ends = column_ends(self.path, self.file, *at, sealed=self._sealed, with_nulls=with_nulls)
+            self._ends[*at, with_nulls] = ends
+        return self._ends[*at, with_nulls]
 
     def rows_with(
         self,

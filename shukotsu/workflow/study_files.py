@@ -327,10 +327,23 @@ class StudyFiles:
         kinds = self.fits(*results.FIT_TABLES, references=True).values()
         return [path for files in kinds for path in files(wildcards)]
 
+    @property
+    def fitted_together(self) -> dict[str, str]:
+        """Patterns of the subjects and models whose hands share bone lengths, which one job fits."""
+        fittings = {name: model.fitting for plan in self.subjects for name, model in plan.models.items()}
+        layouts = {token: [*plan.layouts.values()] for token, plan in self._plans.items()}
+        tokens = {
+            "subject": [token for token, of_hands in layouts.items() if of_hands[1:] == of_hands[:1]],
+            "model": [
+                path_token(name) for name, fitting in fittings.items() if fitting and fitting.share_lengths
+            ],
+        }
+        return {name: "|".join(map(re.escape, of_name)) or "(?!)" for name, of_name in tokens.items()}
+
     def fit_plan(self, wildcards: Wildcards) -> str:
-        """Digest of the plan of a fit of the whole hand."""
-        model = self.model(wildcards)
-        return plan_digest(fit_part(self._contents[wildcards.subject], wildcards.hand, model))
+        """Digest of the plan of a fit of the whole hand, or of both."""
+        model, hand = self.model(wildcards), getattr(wildcards, "hand", "")
+        return plan_digest(fit_part(self._contents[wildcards.subject], hand, model))
 
     def truth(self, wildcards: Wildcards) -> list[str]:
         """Truth tables of the subject's simulated recordings."""

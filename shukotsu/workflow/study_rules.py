@@ -111,7 +111,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         "configuration": {"configuration": study.configuration_digest, "study": study.options},
     }
     for rule in workflow.rules:
-        if rule.snakefile != snakefile or not rule.output:
+        if str(rule.snakefile) != snakefile or not rule.output:  # of a rule made of another it is no text
             continue
         names = [name for name in WILDCARDS if name in rule.wildcard_names]
         prefixes = {"subject": "sub-", "recording": ""}

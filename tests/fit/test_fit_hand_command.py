@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from stage_runs import fit_hand as main
 
 from shukotsu.errors import InputError
 from shukotsu.fit.calibration import read_thinned
+from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.fit.hand_tables import FIT
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.catalogue import TABLES
@@ -166,3 +169,24 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
     ):
         assert subject.fit("right", *options) == 2
         assert message in capsys.readouterr().err
+
+
+def test_hands_fitted_in_one_job_are_as_fitted_each_in_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the same bytes, and each is fitted once, not once more for the other's sake."""
+    recordings = [(hand, "rom", "calibration") for hand in ("right", "left")]
+    subject, fitted = planned_subject(tmp_path, recordings, ["quick"], n_frames=120), list[str]()
+
+    def counted(*arguments: Any, hand: str, **options: Any) -> HandFit:
+        fitted.append(hand)
+        return fit_hand(*arguments, hand=hand, **options)
+
+    assert [subject.fit(hand) for hand in ("right", "left")] == [0, 0]
+    folders = [subject.fit_folder(hand) for hand in ("right", "left")]
+    alone = [{path.name: path.read_bytes() for path in folder.iterdir()} for folder in folders]
+    shutil.rmtree(folders[1])
+    monkeypatch.setattr("shukotsu.fit.calibration.fit_hand", counted)
+    assert subject.fit("right", f"--out-other={folders[1]}") == 0
+    assert fitted == ["right", "left"]
+    assert [{path.name: path.read_bytes() for path in folder.iterdir()} for folder in folders] == alone

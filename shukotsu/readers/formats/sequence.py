@@ -86,7 +86,7 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
     times = values.pop("", {})
     if not values:
         raise InputError(f"{path}: its header has no transform of a frame; expected {EXPECTED}")
-    check_expansion(path, 16 * 8 * len(frames) * len(values), "its transforms hardly share a frame")
+    check_expansion(path, 16 * 8 * len(frames) * len(values), lambda: "its transforms hardly share a frame")
     none = np.full((4, 4), np.nan)
     transforms = {
         name: np.stack([by_frame.get(frame, none) for frame in frames]) for name, by_frame in values.items()
