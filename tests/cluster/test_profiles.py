@@ -21,7 +21,11 @@ def profile(name: str) -> dict[str, Any]:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_rule_has_a_group(name: str) -> None:
     """A rule without one would be a batch job for each of its jobs."""
-    rules = set(re.findall(r"^rule (\w+):", (REPOSITORY / "Snakefile").read_text("utf-8"), re.MULTILINE))
+    rules = set(
+        re.findall(
+            r"^(?:use rule \w+ as|rule) (\w+)", (REPOSITORY / "Snakefile").read_text("utf-8"), re.MULTILINE
+        )
+    )
     assert set(profile(name)["groups"]) == rules - {"all"}
     assert set(profile(name)["set-resources"]) <= rules
 
