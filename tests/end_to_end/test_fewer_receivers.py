@@ -62,7 +62,7 @@ def test_a_fitted_hand_is_posed_with_an_error_for_everything(subject: PlannedSub
         every = subject.rows(folder / f"{name}.parquet", name, part)
         rows = [row for row in every if row["task"] == "tips"]
         assert len(rows) == count * 300
-        assert {row["task"] for row in every} == {"tips", *(["rom"] if name == "joint_angles" else [])}
+        assert {row["task"] for row in every} == {"tips", "rom"}
         values = np.array([[row[number] for number in numbers] for row in rows], float)
         assert np.isfinite(values).all(), name
 

