@@ -155,12 +155,12 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
 use rule fit_hand as fit_hands with:  # a person's two that share lengths, each of them once
     output:
         [f"{fit}/{table}.parquet" for fit in both_fits for table in FIT_TABLES],
+    wildcard_constraints:
+        **study.fitted_together,
     params:
         plan=study.fit_plan,
         model=study.model,
         hands=["--hand=right", f"--out={both_fits[0]}", f"--out-other={both_fits[1]}"],
-    wildcard_constraints:
-        **study.fitted_together,
 
 
 rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures
