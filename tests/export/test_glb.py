@@ -191,16 +191,15 @@ def test_the_page_of_the_guide_shows_the_hand_move(
         page = browser.new_page(viewport={"width": 400, "height": 300})
         heard = complaints(page)
         page.goto(address)
-        seen = []
-        for _ in range(3):
-            page.wait_for_function("document.querySelector('output').textContent")
+        shows_another = "seen => !['', ...seen].includes(document.querySelector('output').textContent)"
+        seen: list[str] = []
+        for _ in range(3):  # three frames that differ, however slowly the processor draws them
+            page.wait_for_function(shows_another, arg=seen)
             seen.append(page.locator("output").text_content())
-            page.wait_for_timeout(200)
         picture = page.screenshot()
         page.close()
     assert [words for words in heard if ours(words)] == []
     assert len(picture) > 5000, "a page without a hand is smaller"
-    assert len(set(seen)) == 3, "it stands still"
     tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
     apart_mm = np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1)
     for words in seen:
