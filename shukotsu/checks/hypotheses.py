@@ -140,12 +140,8 @@ SHARES = {
 
 CYCLIC_ORDERS = ("wxyz", "xyzw", "yzwx", "zwxy")
 """What comes of w, x, y, z and x, y, z, w taken for each other, once or twice."""
-ORDERS = tuple(
-    dict.fromkeys(
-        [*CYCLIC_ORDERS, *(o for axes in map("".join, permutations("xyz")) for o in (f"w{axes}", f"{axes}w"))]
-    )
-)
-"""Every order of a quaternion's numbers that is looked for: the cyclic ones, and w first or last."""
+ORDERS = tuple(dict.fromkeys([*CYCLIC_ORDERS, *map("".join, permutations("wxyz"))]))
+"""Every order of a quaternion's numbers, the cyclic ones first."""
 RARE = float(np.log(20.0))
 """Log odds against an order that is not cyclic."""
 

@@ -572,6 +572,7 @@ CASES: Sequence[Case] = (
     ),
     Case("quaternion-order/order", "w, x, y, z as x, y, z, w", tidy, _numbers(_scalar_first_under_xyzw)),
     Case("quaternion-order/order", "z, w, y, x", wide, _in_mapping("orientation", order="wzyx")),
+    Case("quaternion-order/order", "x, w, y, z", wide, _in_mapping("orientation", order="xwyz")),
     Case("quaternion-inverse", "inverse", tidy, _recorded("inverse rotations")),
     Case(
         "quaternion-inverse", "rotates", wide, _in_mapping("orientation", rotates="receiver-to-transmitter"),
