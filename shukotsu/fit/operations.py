@@ -14,11 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Index as Index
 from shukotsu.hand.rotations import Array, cross
 
-Index = npt.NDArray[np.int64]
 NOTHING: Array = np.empty(0)
 
 

@@ -13,10 +13,10 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, TableError, join_reasons
 from shukotsu.hand.measured import not_measured_text, not_worn
-from shukotsu.hand.posing import Index, Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
-from shukotsu.hand.rotations import Array
+from shukotsu.hand.posing import Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
 from shukotsu.study.findings import moved_finding
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel

@@ -7,9 +7,8 @@ Directions: `rotate(q, v)` and `matrix(q) @ v` take v from the receiver's frame 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from shukotsu.arrays import Array as Array
 
 _TINY = 1e-300
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 
 LOW_PERCENT, HIGH_PERCENT = 2.5, 97.5
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.recorded_movement import (
     ANGLES,
@@ -28,7 +28,6 @@ from shukotsu.hand.recorded_movement import (
     read_movement,
     unsolved_joints,
 )
-from shukotsu.hand.rotations import Array
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.movement.events import TimedEvent, cycles_of, events_of, struck_events
 from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, speed
@@ -39,8 +38,7 @@ from shukotsu.study.study import Recording
 from shukotsu.tables.parts import Part, PartsWriter
 from shukotsu.tables.poses import usable_poses
 
-Booleans = npt.NDArray[np.bool_]
-_Ends = tuple[Booleans, Booleans]
+_Ends = tuple[Bools, Bools]
 
 _ENDS_PERCENT = 5.0
 """Share of the frames at either end, %, over which an end's error is averaged."""
@@ -98,7 +96,7 @@ def _at_ends(sd_deg: Array, ends: _Ends) -> float:
     return float(sum(np.sqrt((sd_deg[at_end] ** 2).mean()) for at_end in ends))
 
 
-def _visits(at_end: Booleans, beyond: Booleans) -> int:
+def _visits(at_end: Bools, beyond: Bools) -> int:
     """Count how often the angle comes to one end from beyond its median; both (T,)."""
     either = at_end | beyond
     there = at_end[either]
@@ -171,7 +169,7 @@ def path_rows(
         yield row | _judge(row, "weak" if tip.message else "ok", tip.message, grid)
 
 
-def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
+def _coverage(finite: Bools) -> Row:
     """Count the known frames (T,), and their share of the recording."""
     return {
         "n_frames": int(finite.sum()),

@@ -10,18 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu import command_line
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, guess, list_names, reading_what_was_brought
-from shukotsu.movement.event_files import (
-    FARTHEST_S,
-    Array,
-    Events,
-    read_markers,
-    read_midi,
-    read_tracker_events,
-)
+from shukotsu.movement.event_files import FARTHEST_S, Events, read_markers, read_midi, read_tracker_events
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.parts import Part
@@ -233,8 +226,6 @@ def aligned_rows(
             print(f"{row['status']}: {where}: {row['message']}", file=sys.stderr)
     return [{**key, **row} for row in event_rows], [{**key, **row} for row in clock_rows]
 
-
-Integers = npt.NDArray[np.int64]
 
 TOLERANCE_S, SHORTEST_TOLERANCE_S = 0.05, 0.001
 """How far two pulses that are the same may lie from the line: a quarter of their usual interval where that is

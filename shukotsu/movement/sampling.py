@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.ndimage import correlate1d
 from scipy.signal import savgol_coeffs
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.tables.device_clock import device_clock, without_packets
 
 MOST_GAP_S = 0.05

@@ -13,13 +13,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, segment_quaternions
 from shukotsu.hand.measured import not_measured_text, not_worn
-from shukotsu.hand.rotations import Array, about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
+from shukotsu.hand.rotations import about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
 from shukotsu.paper.posture import Posture, Reference, estimate_posture
 from shukotsu.paper.wrist import wrist_row
 from shukotsu.study.layout import Layout
@@ -215,9 +215,6 @@ def _half(rows: Rows, joint: str, side: str) -> Array:
     return np.asarray(whole[:3, :3] if side == "parent" else whole[3:, 3:])
 
 
-Bools = npt.NDArray[np.bool_]
-
-
 def metacarpal_columns(
     metacarpal: MetacarpalBone,
     layout: Layout,
@@ -393,7 +390,6 @@ def _flags(gap: Bools, twist_singular: Bools, swing_singular: Bools) -> pa.Array
 
 
 Row = dict[str, Any]
-Index = npt.NDArray[np.int64]
 
 _OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
 """Columns that only the joint-wise solution has."""

@@ -15,13 +15,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, all_valid, carried_mm, digit_chain, segment_quaternions
 from shukotsu.hand.posed_recording import read_skeleton
 from shukotsu.hand.posing import PosedRecording, Skeleton, receiver_bones, rigid_positions, root_names
-from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
+from shukotsu.hand.rotations import conjugate, multiply, rotate
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import METACARPALS
@@ -33,7 +33,7 @@ FirstFrame = tuple[Poses, Array | None]
 """First usable frame of a recording, and the metacarpal's quaternion (1, 4) in it, if posed."""
 
 
-def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> npt.NDArray[np.bool_]:
+def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Bools:
     """Frames in which everything that the digit's replay needs is valid.
 
     Parameters
@@ -139,8 +139,6 @@ def error_statistics(error_mm: Array) -> dict[str, Any]:
         "n_frames": len(known_mm),
     }
 
-
-Index = npt.NDArray[np.int64]
 
 BINDINGS = ("first-frame", "least-squares")
 

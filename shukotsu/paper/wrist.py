@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.arrays import Array
 from shukotsu.hand.digit_chain import Rows, all_valid, seen_from
-from shukotsu.hand.rotations import Array
 from shukotsu.study.layout import Layout, Wrist
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, note_doubts

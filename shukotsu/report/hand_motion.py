@@ -13,8 +13,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError
 from shukotsu.hand.posing import PosedRecording, ReceiverPoint, digit_points
 from shukotsu.hand.rotations import matrix
@@ -23,7 +23,6 @@ from shukotsu.study.layout import Layout, Vector
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses
 
-Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Mapping[str, Any]]
 
 MOST_FRAMES = 15_000
@@ -94,7 +93,7 @@ class HandMotion:
 
     hand: str
     digits: tuple[str, ...]
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     time_s: Array
     every: int
     receivers: tuple[str, ...]
@@ -215,7 +214,7 @@ def upright(motion: HandMotion) -> Array:
     return np.stack([np.cross(distal, dorsal), distal, dorsal])
 
 
-def view_points(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> Array:
+def view_points(motion: HandMotion, frames: Integers, world_mm: Array) -> Array:
     """Points (F, n, 3) of the frames (F,), indices, in the view's axes; NaN where the base has no pose."""
     turn = matrix(motion.receiver_quaternion[frames, motion.base])
     origin = motion.receiver_mm[frames, motion.base]

@@ -8,8 +8,8 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
 from shukotsu.hand.posing import Skeleton
@@ -31,8 +31,6 @@ from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIO
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.poses import Poses, pose_blocks
 from shukotsu.translation import N_
-
-Array = npt.NDArray[np.float64]
 
 ANGLES = ("flexion", "abduction", "rotation")
 

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from shukotsu.arrays import Array
 from shukotsu.scores.observations import (
     ERROR_COLUMNS,
     METRICS,
@@ -30,7 +31,7 @@ from shukotsu.scores.observations import (
     ScoredStudy,
     observations,
 )
-from shukotsu.scores.paired_statistics import EQUAL, Array, holm, paired_difference, smallest_p
+from shukotsu.scores.paired_statistics import EQUAL, holm, paired_difference, smallest_p
 from shukotsu.study.model import read_model, the_papers
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtri, fdtri, nctdtrinc, stdtrit
+
+from shukotsu.arrays import Array
 
 LEVEL = 0.05
 """Accepted rate of false positives in a family of comparisons; intervals have the level 1 - LEVEL."""
@@ -49,7 +50,6 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
     return corrected
 
 
-Array = npt.NDArray[np.float64]
 Interval = tuple[float, float]
 
 N_FLIPS = 20_000

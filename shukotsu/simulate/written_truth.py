@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.verdict import UNJUDGED

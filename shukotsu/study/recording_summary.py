@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError, TableError
 from shukotsu.study.findings import (
     NOTE,
@@ -37,7 +38,7 @@ from shukotsu.tables.catalogue import (
     RECORDINGS,
     TABLES,
 )
-from shukotsu.tables.device_clock import Array, device_clock
+from shukotsu.tables.device_clock import device_clock
 from shukotsu.tables.parts import part_metadata
 from shukotsu.tables.typed_table import (
     Table,

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, TableError, count_of, list_names
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand, SubjectSession
@@ -36,8 +36,6 @@ from shukotsu.tables.whole_files import remedy_of
 
 PARTS_KEY = "shukotsu_parts"
 """Key of the file-level metadata: a JSON list with one object per part."""
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -211,7 +209,7 @@ class PartsReader:
         by: str,
         columns: Sequence[str],
         n_frames: int | None = None,
-        frames: npt.NDArray[np.int64] | None = None,
+        frames: Integers | None = None,
         name: str = "",
     ) -> dict[str, Array]:
         """Read columns of one recording from a frame-by-frame table as arrays.
