@@ -367,7 +367,7 @@ class _Builder:
         for name, segment, pose, length_mm in zip(
             digit.joints, digit.segments, placed[:-1], lengths_mm, strict=True
         ):
-            row = skeleton.joints.get(name, {})
+            row: Mapping[str, Any] = skeleton.joints.get(name, {})
             zero_deg = tuple(row[column] for column in ZERO_COLUMNS if row.get(column) is not None)
             dof = int(row.get("dof", 0))
             joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof, zero_deg=zero_deg)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from shukotsu.report.hand_motion import (
     receiver_skeleton,
     view_base,
 )
-from shukotsu.report.study_results import Row, StudyResults, recording_key, row_key
+from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import the_papers
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import Recording
@@ -31,6 +32,9 @@ from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIO
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.poses import Poses, pose_blocks
 from shukotsu.translation import N_
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow, JointSolutionsRow, RecordingsRow, TipErrorsRow
 
 ANGLES = ("flexion", "abduction", "rotation")
 
@@ -52,9 +56,9 @@ class ModelResults:
     """
 
     name: str
-    joints: list[Row]
-    solutions: list[Row]
-    tip_errors: list[Row]
+    joints: list[JointCentresRow]
+    solutions: list[JointSolutionsRow]
+    tip_errors: list[TipErrorsRow]
     angles: JointAngles | None
 
 
@@ -68,7 +72,7 @@ class RecordingResults:
 
     study: StudyResults
     recording: Recording
-    row: Row
+    row: RecordingsRow
     models: tuple[ModelResults, ...]
     left_out: dict[str, str]
     motion: HandMotion | None

@@ -178,17 +178,17 @@ class PartsReader:
             raise InputError(self._parts[part]["failure"])
         return _named_keys(self._file.table, part)
 
-    def rows(self, part: Part) -> list[dict[str, Any]]:
+    def rows(self, part: Part) -> list[Any]:
         """Rows of a part of a short table, which is read as a whole on first use. Raises InputError as
         `part`.
         """
         return self._rows.get(tuple(self._keys(part).values()), [])
 
     @cached_property
-    def _rows(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
+    def _rows(self) -> dict[tuple[str, ...], list[Any]]:
         """Rows by the keys of their parts."""
         names = [*_named_keys(self._file.table, Part(""))]
-        by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+        by_part: dict[tuple[str, ...], list[Any]] = {}
         for row in rows_of(self._file.read()):
             by_part.setdefault(tuple(row[name] for name in names), []).append(row)
         return by_part
