@@ -27,7 +27,7 @@ from shukotsu.fit.operations import Branch, Index, Reached
 from shukotsu.hand.rotations import Array
 
 BLOCK_FRAMES = 128
-"""Frames that are posed together: what they need fits a core's own memory."""
+"""Frames that are posed together: their data fit into a core's cache."""
 
 _LEAST_GAIN = 1e-4
 """Share of a frame's cost below which a step is its last."""
@@ -59,7 +59,7 @@ class Steps:
     unknowns: tuple[Index, ...]
 
     def frames_first(self) -> Reduced:
-        """Return the same as the rest of the package reads them."""
+        """Return the same with the frames first."""
         return Reduced(
             self.matrix,
             self.gradient,
@@ -271,7 +271,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
-    """Fit states and roots with x as it is: Levenberg-Marquardt, each frame for no longer than it gains."""
+    """Fit states and roots with x fixed (Levenberg-Marquardt); each frame stops when it gains no more."""
     chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
     plan = forward.condense(chains, amounts)
     y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
@@ -344,12 +344,12 @@ def _flat_chains(
 
 
 def _from(lengths: Iterable[int]) -> Index:
-    """Return where each part begins, and the last ends, when they are put one after the other."""
+    """Return the start of each part, and the end of the last, when parts are concatenated."""
     return np.cumsum([0, *lengths])
 
 
 def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index) -> forward.Plan:
-    """Every branch left and returned from at the root."""
+    """Plan of all branches, each beginning and ending at the root."""
     steps: list[tuple[int, int, Array]] = []
     for branch, operation, mark in zip(branches, first_operation, first_mark, strict=False):
         steps.append((forward.LEAVE, 0, np.zeros(12)))
@@ -364,13 +364,13 @@ def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index)
 
 
 def _columns(of_branch: Index, index: Index, of_branches: Sequence[Index]) -> Index:
-    """Place (K,) of each term's factor among its branch's own, -1 where it has none."""
+    """Column (K,) of each term's factor within its branch, -1 where the term has none."""
     places = [{int(i): column for column, i in enumerate(indices)} for indices in of_branches]
     return np.array([places[b].get(int(i), -1) for b, i in zip(of_branch, index, strict=True)], int)
 
 
 def _moves_receiver(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
-    """Whether each receiver (N, columns) is moved by what is in that column."""
+    """Whether each receiver depends on the factor in each column, (N, columns)."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
     for row, operations in zip(out, upstream, strict=True):
         for o in operations:

@@ -37,7 +37,7 @@ TOUCH = "touch"
 def gains(tips: Fingertips) -> list[GainsRow]:
     """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first.
 
-    Nothing is asked of, or for, what no receiver shows.
+    Only quantities and joints that receivers measure are considered.
     """
     evidence = tips.fit.evidence
     seen = np.asarray(evidence.problem.frames.valid.any(0))[None]
@@ -90,7 +90,7 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
 
 
 def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
-    """Return the sd with which a quantity can be measured."""
+    """Return the sd with which a quantity can realistically be measured."""
     segment, _, part = quantity.partition(".")
     first = {digit.segments[0] for digit in evidence.layout.digits.values()}
     last = {digit.tip for digit in evidence.layout.digits.values()}

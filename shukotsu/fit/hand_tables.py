@@ -197,7 +197,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
 def moved_rows(
     layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]
 ) -> list[MovedReceiversRow]:
-    """Rows of moved_receivers of one recording, a receiver each: the first of its moves, as far as all go."""
+    """Rows of moved_receivers of one recording, one per receiver: start of its first move, sum of all."""
     rows: list[MovedReceiversRow] = []
     for segment in dict.fromkeys(receiver.segment for receiver in moved):
         moves = [receiver for receiver in moved if receiver.segment == segment]

@@ -97,8 +97,9 @@ def read_midi(path: Path) -> Events:
         else:
             n_others += not message.is_meta
     n_open = sum(map(len, sounding.values()))
-    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] * (n_open > 0)
-    remarks += [f"{n_others} messages that are no notes are left out"] * (n_others > 0)
+    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] if n_open else []
+    if n_others:
+        remarks.append(f"{n_others} messages that are no notes are left out")
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
 
 

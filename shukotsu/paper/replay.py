@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shukotsu.arrays import Array, Bools, Index
+from shukotsu.arrays import Array, Bools, Float, Index
 from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, all_valid, carried_mm, digit_chain, segment_quaternions
 from shukotsu.hand.posed_recording import read_skeleton
@@ -127,7 +127,7 @@ def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
     return np.asarray(np.linalg.norm(tip - poses.position_mm[:, poses.index(chain.digit.tip)], axis=-1))
 
 
-def error_statistics(error_mm: Array) -> TipErrorsRow:
+def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
     """Maximum, minimum, mean, SD (divisor n), median and 95th percentile of the finite errors (T,), mm."""
     known_mm = error_mm[np.isfinite(error_mm)]
     if not len(known_mm):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Float
 from shukotsu.hand.digit_chain import Rows, all_valid, seen_from
 from shukotsu.study.layout import Layout, Wrist
 from shukotsu.study.model import SkeletonModel
@@ -40,7 +40,7 @@ class WristPoint:
     covariance_mm2: Array
 
 
-def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
+def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, " 3"]) -> WristPoint:
     """Point whose distance to the MCP joints varies least, by Gauss-Newton.
 
     See docs/method.md, "Wrist and metacarpals".

@@ -494,7 +494,7 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
     """
 
     def where(sample: int) -> str:
-        start, locate = [part for part in places if part[0] <= sample][-1]
+        start, locate = next(part for part in reversed(places) if part[0] <= sample)
         return locate(sample - start)
 
     twice = min(((*segment.twice, name) for name, segment in segments.items() if segment.twice), default=None)

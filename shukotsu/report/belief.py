@@ -179,8 +179,9 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
     near, wanted_mm = [], layout.wanted_mm
     for row in rows:
         only = set(verdict.doubts_of(row)) <= {verdict.UNCERTAIN, verdict.ONE_WAY, verdict.AXIS}
-        if layout.is_hand and row["sd_mm"] is not None and only:
-            near += [row["joint"]] * (wanted_mm < row["sd_mm"] <= NEAR_TIMES * wanted_mm)
+        sd_mm = row["sd_mm"]
+        if layout.is_hand and only and sd_mm is not None and wanted_mm < sd_mm <= NEAR_TIMES * wanted_mm:
+            near.append(row["joint"])
     if not near:
         return []
     mended = {row["joint"]: row for row in reversed(gains) if row["joint_sd_after_mm"] <= wanted_mm}

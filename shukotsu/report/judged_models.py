@@ -160,7 +160,8 @@ def used_text(results: StudyResults) -> str:
     used = [each for each in results.recordings if results.status_of(each)[0] == "used"]
     in_doubt = sum(each.hand in results.suspect for each in used)
     others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
-    others += [tr("{n} in no statistic, for what was found", n=in_doubt)] * (in_doubt > 0)
+    if in_doubt:
+        others.append(tr("{n} in no statistic, for what was found", n=in_doubt))
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
     text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
     text += f" ({listed(others)})" if others else ""

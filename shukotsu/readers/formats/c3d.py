@@ -336,7 +336,7 @@ def open_c3d(path: Path) -> C3dFile:
     more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
     at_zero = int(zeros.sum())
     taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} taken for not seen"
-    doubts = [taken] * (at_zero > 0)
+    doubts = [taken] if at_zero else []
     if more_bytes > _BLOCK and not rotations.size:
         doubts += [
             f"{count_of(len(points), 'frame', 'are')} read, but the file goes on behind them; see that "
