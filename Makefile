@@ -44,7 +44,7 @@ pip_settings = eval "$$($(python) -m pip config list 2>/dev/null | sort -r | sed
 
 # What fits hands is compiled beside the demo's first stages; fits wait for it.
 compiled := .venv/compiled
-compile = [ $(compiled) -nt shukotsu/fit/kernel.py ] || { \
+compile = [ -e $(compiled) ] && [ -z "$$(find shukotsu/fit/kernel -name "*.py" -newer $(compiled))" ] || { \
 	echo "Compiling what fits hands" && $(python) -m shukotsu.fit.compile_kernel && touch $(compiled); }
 
 demo: $(users) ## run the demo study, print what it found and name its report

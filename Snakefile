@@ -1,4 +1,5 @@
 # From recordings to a report, one rule a section of the paper. Rules wire files to stages and hold no logic.
+# {params.arguments} are the named inputs and outputs of a rule, each as the option of that name of its stage.
 # Each also has a log, a message and what tells when it is to run again: shukotsu/workflow/study_rules.py.
 
 import sys
@@ -44,14 +45,13 @@ rule plan:  # what the stages need to know of the study about a subject
 
 rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
     output:
-        recording=study.simulated,
-        truth=study.simulated_truth,
+        study.simulated_truth,
+        out=study.simulated,
     params:
         subject=study.subject_options,
         seed=study.seed,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q}'
-        " --seed {params.seed} --out {output.recording:q} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q} --seed {params.seed} {params.arguments} 2> {log}'
 
 
 rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
@@ -59,12 +59,11 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
         recording=study.simulated,
         layout=ancient(study.layout),
     output:
-        study.streamed,
+        out=study.streamed,
     params:
         layout=study.layout_digest,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/stream.py --recording {input.recording:q} --layout {input.layout:q}'
-        " --out {output:q} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/stream.py {params.arguments} 2> {log}'
 
 
 rule capture:  # section 2: a recording -> its poses
@@ -87,52 +86,49 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     input:
         **study.inputs("plan", "poses"),
     output:
-        f"{subject}/findings.parquet",
+        out=f"{subject}/findings.parquet",
     resources:
         **study.resources(1, 5, 2200),
     params:
         plan=study.recordings_plan,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/check_recordings.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --out {output} > /dev/null 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/check_recordings.py --record-failure {params.arguments} > /dev/null 2> {log}'
 
 
 rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
     input:
-        **study.inputs("plan", "poses", "event_files"),
+        ancient(study.event_files),
+        **study.inputs("plan", "poses"),
     output:
-        events=f"{subject}/events.parquet",
-        clocks=f"{subject}/clocks.parquet",
+        out=f"{subject}/events.parquet",
+        out_clocks=f"{subject}/clocks.parquet",
     resources:
         **study.resources(1, 2),
     params:
         files=study.event_digest,
         plan=study.recordings_plan,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/align_events.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --out {output.events} --out-clocks {output.clocks} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/align_events.py --record-failure {params.arguments} 2> {log}'
 
 
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
         **study.inputs("plan", "poses", "findings"),
     output:
-        f"{subject}/joint_solutions.parquet",
+        out=f"{subject}/joint_solutions.parquet",
     resources:
         **study.resources(1, 5),
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/solve_joints.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --findings {input.findings} --out {output} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/solve_joints.py --record-failure {params.arguments} 2> {log}'
 
 
 rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
     input:
         **study.inputs("plan", "findings", "joint_solutions"),
     output:
-        f"{subject}/projected_joints.parquet",
+        out=f"{subject}/projected_joints.parquet",
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/project_planes.py --record-failure --plan {input.plan} --findings {input.findings}'
-        " --joint-solutions {input.joint_solutions} --out {output} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/project_planes.py --record-failure {params.arguments} 2> {log}'
 
 
 rule fit_hand:  # not in the paper: a whole hand at once, and its recordings posed with it
@@ -148,8 +144,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         model=study.model,
         hands=["--hand={hand}", f"--out={fit}"],
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/fit_hand.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
-        " --model {params.model:q} {params.hands:q} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/fit_hand.py --record-failure {params.arguments} --model {params.model:q} {params.hands:q} 2> {log}'
 
 
 use rule fit_hand as fit_hands with:  # a person's two that share lengths, each of them once
@@ -168,49 +163,45 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
         **study.inputs("plan", "poses", "findings", "projected_joints"),
         **study.fits("fitted_joints", "fitted_bones", "bone_poses"),
     output:
-        joints=f"{subject}/joint_centres.parquet",
-        bones=f"{subject}/bone_lengths.parquet",
-        metacarpals=f"{subject}/metacarpals.parquet",
+        out_joints=f"{subject}/joint_centres.parquet",
+        out_bones=f"{subject}/bone_lengths.parquet",
+        out=f"{subject}/metacarpals.parquet",
     resources:
         **study.resources(1, 10),
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/estimate_metacarpals.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --findings {input.findings} --projected-joints {input.projected_joints}"
-        " --fitted-joints {input.fitted_joints} --fitted-bones {input.fitted_bones} --bone-poses {input.bone_poses}"
-        " --out-joints {output.joints} --out-bones {output.bones} --out {output.metacarpals} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/estimate_metacarpals.py --record-failure {params.arguments} 2> {log}'
 
 
 rule evaluate_tips:  # section 6: replay and tip errors
     input:
         **study.inputs("plan", "poses", "findings", *SKELETON),
     output:
-        tips=f"{subject}/tips.parquet",
-        errors=f"{subject}/tip_errors.parquet",
+        out=f"{subject}/tips.parquet",
+        out_errors=f"{subject}/tip_errors.parquet",
     resources:
         **study.resources(1, 10),
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/evaluate_tips.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
-        " --metacarpals {input.metacarpals} --out {output.tips} --out-errors {output.errors} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/evaluate_tips.py --record-failure {params.arguments} 2> {log}'
 
 
 rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
     input:
-        **study.inputs("plan", "poses", "findings", *SKELETON),
-        **study.inputs("tips", "tip_errors", "truth"),
-        **study.fits("posed_tips", "bone_poses", references=True),
-        **study.fits("fitted_joints", "fitted_bones", references=True),
+        study.truth,
+        **study.inputs("plan", "poses", "findings", *SKELETON, "tips", "tip_errors"),
+        **study.fits(
+            "posed_tips",
+            "bone_poses",
+            "fitted_joints",
+            "fitted_bones",
+            references=True,
+        ),
     output:
-        scores=f"{subject}/skeleton_scores.parquet",
-        errors=f"{subject}/joint_errors.parquet",
+        out=f"{subject}/skeleton_scores.parquet",
+        out_joints=f"{subject}/joint_errors.parquet",
     resources:
         **study.resources(2, 10, 2200),
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/evaluate_skeletons.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
-        " --metacarpals {input.metacarpals} --tips {input.tips} --tip-errors {input.tip_errors}"
-        " --posed-tips {input.posed_tips} --bone-poses {input.bone_poses} --fitted-joints {input.fitted_joints}"
-        " --fitted-bones {input.fitted_bones} --out {output.scores} --out-joints {output.errors} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/evaluate_skeletons.py --record-failure {params.arguments} 2> {log}'
 
 
 rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the fingertips, strokes at events
@@ -224,11 +215,7 @@ rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the 
     params:
         out=f"--out={subject}",
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/measure_movement.py --record-failure --plan {input.plan} --poses {input.poses}'
-        " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
-        " --metacarpals {input.metacarpals} --events {input.events} --clocks {input.clocks}"
-        " --joint-angles {input.joint_angles} --posed-tips {input.posed_tips} --bone-poses {input.bone_poses}"
-        " --moved-receivers {input.moved_receivers} {params.out:q} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/measure_movement.py --record-failure {params.arguments} {params.out:q} 2> {log}'
 
 
 rule gather:  # the study's short tables, and what went wrong
@@ -269,18 +256,14 @@ rule export:  # skeletons and their motion for other programs
         **study.inputs("plan", "poses", "findings", *SKELETON),
         **study.fits("joint_angles", "posed_tips", "bone_poses", "moved_receivers"),
     output:
-        directory(f"{subject}/exports"),
+        out=directory(f"{subject}/exports"),
     resources:
         **study.resources(1, 60, 2000),
     params:
         formats=",".join(study.export_formats),
         options=study.export_options,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
-        " --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths} --metacarpals {input.metacarpals}"
-        " --joint-angles {input.joint_angles} --posed-tips {input.posed_tips} --bone-poses {input.bone_poses}"
-        " --moved-receivers {input.moved_receivers} --formats {params.formats} {params.options} --out {output}"
-        " > /dev/null 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export.py --record-failure {params.arguments} --formats {params.formats} {params.options} > /dev/null 2> {log}'
 
 
 rule export_dataset:  # all recordings as one Motion-BIDS dataset
@@ -300,22 +283,22 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
 
 rule export_tables:  # the study's tables for R and others, with a data dictionary
     input:
-        study.whole_tables,
+        tables=study.whole_tables,
     output:
-        directory(f"{results}/tidy"),
+        out=directory(f"{results}/tidy"),
     params:
         name=study.study.name,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export_tables.py --tables {input} --study {params.name:q} --out {output} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export_tables.py {params.arguments} --study {params.name:q} 2> {log}'
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
     input:
-        study.export_folders,
+        folders=study.export_folders,
     output:
-        directory(f"{results}/exports"),
+        out=directory(f"{results}/exports"),
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/collect_exports.py --folders {input} --out {output} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/collect_exports.py {params.arguments} 2> {log}'
 
 
 rule report:  # it names the pages that could not be made
@@ -342,8 +325,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
     params:
         language=study.study.language,
     shell:
-        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/subject_pages.py --record-failure --plan {input.plan} --out {output}'
-        " --language {params.language} 2> {log}"
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/subject_pages.py --record-failure --plan {input.plan} --out {output} --language {params.language} 2> {log}'
 
 
 rule print_figures:  # the study's figures for print; each is written, if only to say what it lacks

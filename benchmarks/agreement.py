@@ -5,16 +5,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.length_pulls import pull_rows
-from shukotsu.scores.agreement import ACROSS, Estimate, Row, compare_pairs
+from shukotsu.scores.agreement import ACROSS, Estimate, compare_pairs
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, simulate
 from shukotsu.study.layout import read_layout
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import LengthPullsRow
 
 WRITTEN_TO = "accuracy.md", "agreement"
 FIRST_SEED, N_PEOPLE, N_FRAMES = 7000, 20, 6000
@@ -44,9 +48,9 @@ def run(n_hands: int = N_PEOPLE, seed: int = FIRST_SEED) -> Iterator[PrintedTabl
     yield PrintedTable("people recorded twice", columns, table, meaning)
 
 
-def one_person(seed: int) -> list[Row]:
+def one_person(seed: int) -> list[dict[str, Any]]:
     """Return a person's pairs, with the kind of bone."""
-    pulls: list[tuple[str, str, str, Row]] = []
+    pulls: list[tuple[str, str, str, LengthPullsRow]] = []
     for hand in ("right", "left"):
         for session, task in RECORDED:
             poses = simulate("01", hand, task, seed, Realism(), N_FRAMES, session=session).poses()

@@ -15,7 +15,7 @@ import pandas as pd
 from benchmarks import pianist
 from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, run_python, workers
 from benchmarks.pianist import Struck
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.hand.study_frames import read
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording

@@ -7,12 +7,10 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.benchmark_table import Cell, PrintedTable, workers
+from shukotsu.arrays import Array, Bools
 from shukotsu.scores.paired_statistics import LEVEL, group_difference, holm, sign_flip_p
-
-Array = npt.NDArray[np.float64]
 
 WRITTEN_TO = "statistics.md", "tables"
 STUDIES = 400
@@ -145,5 +143,5 @@ def over_cores(
         return list(pool.map(row, *zip(*asked, strict=True)))
 
 
-def percent(hits: Sequence[bool] | npt.NDArray[np.bool_]) -> float:
+def percent(hits: Sequence[bool] | Bools) -> float:
     return 100.0 * float(np.mean(hits))

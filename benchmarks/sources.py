@@ -23,11 +23,11 @@ from benchmarks.two_drawings import (
     length_errors,
     simulated_hand,
 )
+from shukotsu.arrays import Array
 from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.hand import drawn_hands, rotations
 from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, DigitAnatomy, prior
 from shukotsu.hand.drawn_hands import drawn
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses
 from shukotsu.simulate.mounts import Mounts, Skin, lag_signal, wander
 from shukotsu.simulate.random_hand import BONES, FLEXION, RandomHand

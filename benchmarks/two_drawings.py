@@ -12,11 +12,11 @@ import numpy as np
 from benchmarks import other_hands
 from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
 from benchmarks.faultless_hands import FACINGS, true_halves
+from shukotsu.arrays import Array
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.fit.fitted_motion import pose_hand
 from shukotsu.fit.hand_tables import joint_rows
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate

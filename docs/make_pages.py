@@ -27,6 +27,7 @@ from shukotsu.tables.whole_files import write_text
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "architecture.md"
+ROWS = DOCS.parent / "shukotsu" / "tables" / "rows.pyi"
 START, END = "<!-- diagram: start -->", "<!-- diagram: end -->"
 NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
 
@@ -74,6 +75,29 @@ def tables_page() -> str:
         key = f" Key: {_key(table.key)}." if table.key else ""
         also = f" Also: {', '.join(more)}." if more else ""
         lines += ["", f"## {table.name}", "", f"A row: {table.row}.{key}{also}", "", *_rows(unshared)]
+    return "\n".join(lines) + "\n"
+
+
+def row_types() -> str:
+    """Return the stub of row types: a TypedDict a table, a key a column."""
+    python = {"string": "str", "bool": "bool", "int8": "int", "int64": "int", "double": "float"}
+    lines = [
+        '"""Types of the rows of tables, for the type checker alone: a key a column.',
+        "",
+        "No key is required: rows are put together in steps, and writers add the keys of a part. Tables with",
+        "a row a frame are columns, never rows. Made by `make docs` from schemas/tables: change those.",
+        '"""',
+        "",
+        "from typing import Any, TypeAlias, TypedDict",
+        "",
+        "MaybeNone: TypeAlias = Any",
+        '"""Null; a reader knows from other columns, such as the status, that it is not."""',
+    ]
+    for table in (table for table in TABLES.values() if "frame" not in table.key):
+        lines += ["", f"class {table.name.title().replace('_', '')}Row(TypedDict, total=False):"]
+        for column in table.columns:
+            type_ = python.get(str(column.type), "list[float]")
+            lines.append(f"    {column.name}: {type_}{' | MaybeNone' if column.nullable else ''}")
     return "\n".join(lines) + "\n"
 
 
@@ -322,4 +346,5 @@ def page_with_diagram(page: str) -> str:
 if __name__ == "__main__":
     for page_name, page_text in pages().items():
         write_text(DOCS / page_name, page_text)
+    write_text(ROWS, row_types())
     write_text(PAGE, page_with_diagram(PAGE.read_text("utf-8")))

@@ -88,7 +88,11 @@ def guess(word: str, words: Sequence[str]) -> str:
     return nearest(word, words, "") or f"expected one of {', '.join(words)}"
 
 
-def nearest(word: str, words: Sequence[str], before: str = "; ") -> str:
-    """Return the question whether the most similar word was meant, or an empty text where none is similar."""
-    close = difflib.get_close_matches(word, words, 1)
-    return f"{before}did you mean {close[0]!r}?" if close else ""
+def nearest(word: str, words: Iterable[str], before: str = "; ") -> str:
+    """Return the question whether the most similar word was meant, or an empty text where none is similar.
+
+    Capitals count as small letters.
+    """
+    by_lower = {other.lower(): other for other in words}
+    close = difflib.get_close_matches(word.lower(), by_lower, 1)
+    return f"{before}did you mean {by_lower[close[0]]!r}?" if close else ""

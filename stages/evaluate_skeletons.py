@@ -47,8 +47,9 @@ def evaluate(arguments: argparse.Namespace) -> None:
         for hand in plan.layouts:
             part = plan.part(hand)
             with subject_stage.recording_failure(arguments, part, *tables.values()):
-                for table, rows in zip(tables.values(), evaluate_hand(plan, hand), strict=True):
-                    table.rows(part, rows)
+                scores, errors = evaluate_hand(plan, hand)
+                tables["skeleton_scores"].rows(part, scores)
+                tables["joint_errors"].rows(part, errors)
 
 
 main = subject_stage.script(build_parser, evaluate, WRITES, subject_stage.hands_of)

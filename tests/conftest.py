@@ -8,9 +8,12 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
+import shape_checks
 from hypothesis import settings
 
-from shukotsu.errors import InputError
+shape_checks.install()  # before the library is imported
+
+from shukotsu.errors import InputError  # noqa: E402
 
 # Processes are started by the hundred, in a third of the time where their code has been compiled once.
 sys.dont_write_bytecode = False

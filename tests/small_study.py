@@ -17,7 +17,7 @@ from simulated_poses import recorded, write_poses
 from stage_runs import of_plan, outputs
 
 from shukotsu.__main__ import main as capture
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.simulate.task_motion import TASK_FRAMES
 from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.config_files import REFERENCE

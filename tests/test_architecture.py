@@ -19,7 +19,7 @@ ROOMS = (
     *("readers", "simulate", "tracker", "hand", "study", "command_line", "tables"),
 )
 """The rooms, each of which imports only itself and those after it; `command_line` is one module."""
-GROUND = ("errors", "job", "resources", "translation")
+GROUND = ("arrays", "errors", "job", "resources", "translation")
 """Modules below all rooms, which import nothing but each other."""
 OF_WINDOWS = re.compile(r'(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?|.*[<>:"|?*\\].*|.*[. ]')
 """Names that no file can have on Windows."""

@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.other_hands.person import FINGERS, Array, Person
+from benchmarks.other_hands.person import FINGERS, Person
+from shukotsu.arrays import Array
 
 Motion = tuple[Array, Array]
 """Where a bone is carried: turnings (T, 3, 3) and shifts (T, 3), to be applied to places on the table."""

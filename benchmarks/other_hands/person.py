@@ -11,10 +11,10 @@ from itertools import count
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-Array = npt.NDArray[np.float64]
+from shukotsu.arrays import Array
+
 Skin = Literal["usual", "thin", "thick"]
 Facing = Literal["nail", "hand", "between"]
 

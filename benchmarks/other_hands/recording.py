@@ -14,7 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.other_hands.gestures import Motion, carry, move_arm, move_joints, move_points, wander
-from benchmarks.other_hands.person import SKIN_SHARE, Array, Person, Worn, unit
+from benchmarks.other_hands.person import SKIN_SHARE, Person, Worn, unit
+from shukotsu.arrays import Array
 from shukotsu.tables.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])

@@ -16,10 +16,10 @@ import numpy as np
 import pyarrow.compute as pc
 
 from shukotsu import command_line
+from shukotsu.arrays import Array
 from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.average_hand import DIGITS
-from shukotsu.hand.rotations import Array
 from shukotsu.study.findings import NOTE, SUSPECT, Finding, same_file, unchecked_finding
 from shukotsu.study.layout import Layout
 from shukotsu.study.plan import SubjectPlan

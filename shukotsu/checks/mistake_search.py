@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.checks.expected_body import FREE_SCALE_SD, SCALE_SD, SHARED, ExpectedBody
 from shukotsu.checks.hypotheses import Hypothesis
-from shukotsu.hand.rotations import Array
 from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
 from shukotsu.study.findings import Values
 

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.readers.jumps import own_sides
 
-Bools = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.int64]
+Rows = Integers
 
 SPIKE_MM, SPIKE_DEG, SPIKE_TIMES = 60.0, 60.0, 8.0
 STUCK_S, STUCK_FRAMES = 0.25, 20

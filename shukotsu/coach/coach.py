@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.fit.loose_receivers import displaced_in
 from shukotsu.fit.measurements import Measurement
 from shukotsu.fit.receiver_frames import concatenate_poses
+from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.study.findings import NOTE, in_quotes
 from shukotsu.study.layout import Layout
@@ -107,7 +107,7 @@ class Estimate:
 
     time_s: float
     tips: Fingertips
-    rows: Mapping[str, Mapping[str, Any]]
+    rows: Rows
 
     @property
     def open_joints(self) -> list[str]:

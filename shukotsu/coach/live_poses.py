@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.fit.receiver_frames import concatenate_poses
-from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.raw_capture import segments_of_receivers
 from shukotsu.readers.jumps import spikes
 from shukotsu.readers.poses_table import NORM_TOLERANCE

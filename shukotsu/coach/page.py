@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import jinja2
 import numpy as np
@@ -12,6 +10,7 @@ from markupsafe import Markup
 
 from shukotsu.coach.coach import ENDED, Coach, first_reason
 from shukotsu.errors import InputError
+from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import belief
 from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
@@ -51,7 +50,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
     write_text(path, text)
 
 
-def _draw_hand(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None:
+def _draw_hand(coach: Coach, rows: Rows) -> Markup | None:
     """Draw the hand in the newest frame with most valid receivers, drawn as the report draws it."""
     poses, hand = coach.newest, coach.hand
     if poses is None or not rows:

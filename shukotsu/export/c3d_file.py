@@ -14,11 +14,12 @@ from textwrap import wrap
 
 import numpy as np
 
+from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
 from shukotsu.export.motion import facts_text, with_seen_receivers
 from shukotsu.export.rigging import ascii_name
-from shukotsu.hand.posing import Index, PosedRecording
-from shukotsu.hand.rotations import Array, matrix
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import matrix
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing
 

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, count_of
 from shukotsu.export.motion import continuous
-from shukotsu.hand.posing import Bools, Index, PosedRecording, known_points
-from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
+from shukotsu.hand.posing import PosedRecording, known_points
+from shukotsu.hand.rotations import conjugate, multiply, rotate
 
 FILLED_FRAMES = 100_000
 """Largest number of frames that are filled in: seven minutes at 240 Hz."""

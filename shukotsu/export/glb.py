@@ -27,11 +27,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError
 from shukotsu.export.motion import facts, local_motion, require_times, require_whole, rest_pose
 from shukotsu.export.rigging import with_webxr_names
-from shukotsu.hand.posing import Index, PosedRecording
-from shukotsu.hand.rotations import Array, conjugate, matrix, rotate, unit
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import conjugate, matrix, rotate, unit
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing
 

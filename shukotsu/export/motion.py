@@ -31,11 +31,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError
 from shukotsu.hand.neutral_bones import at_rest
 from shukotsu.hand.posed_recording import RecordingReader
-from shukotsu.hand.posing import Bools, Index, PosedRecording, rigid_positions
-from shukotsu.hand.rotations import Array, conjugate, from_matrix, multiply, rotate
+from shukotsu.hand.posing import PosedRecording, rigid_positions
+from shukotsu.hand.rotations import conjugate, from_matrix, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS

@@ -20,11 +20,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.export.motion import BONE_FRAME, RECEIVER_TIP, SKIN_TIP, blocks, facts, with_seen_receivers
 from shukotsu.export.tidy_csv import bone_angles_deg
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.hand.rotations import Array
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables import limits
 from shukotsu.tables.poses import RecordingName

@@ -27,6 +27,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
+from shukotsu.arrays import Array, Bools
 from shukotsu.errors import count_of
 from shukotsu.export.kinematic_tree import (
     Body,
@@ -39,8 +40,8 @@ from shukotsu.export.kinematic_tree import (
 )
 from shukotsu.export.motion import BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
 from shukotsu.export.rigging import plain_names
-from shukotsu.hand.posing import Bools, Origin, PosedRecording, known_points
-from shukotsu.hand.rotations import Array, conjugate, matrix, mean_rotation, multiply, rotate
+from shukotsu.hand.posing import Origin, PosedRecording, known_points
+from shukotsu.hand.rotations import conjugate, matrix, mean_rotation, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.whole_files import replacing, write_text

@@ -31,7 +31,7 @@ from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import Poses, RecordingName, frame_count, read_every, recording_name, usable_poses
 
 MOST_FRAMES = 60_000
-"""Frames of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
+"""Frames of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is used."""
 
 REFERENCE_FRAMES = 80
 """Evenly spaced frames of a recording that the hand that anatomy expects is laid out and posed in. A motion
@@ -41,17 +41,17 @@ repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and
 
 
 Calibrated = tuple[HandFit, Mapping[RecordingName, Poses], Unsteady]
-"""A hand that is fitted alone, what it was fitted to, and what was displaced there."""
+"""A hand fitted by itself, the recordings it was fitted to, and the receivers displaced in them."""
 Fits = dict[tuple[str, ...], Calibrated]
-"""Hands of a person that are fitted already, by what they are fitted to."""
+"""Fitted hands of a person, by the recordings that they were fitted to."""
 
 
 def calibrated_hand(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = (), fits: Fits | None = None
 ) -> tuple[Fingertips, Unsteady]:
-    """A part's hand with its fingertips, fitted beside the person's other one where they share lengths.
+    """A part's fitted hand with its fingertips, jointly with the other hand where lengths are shared.
 
-    fits : of this person, to which those are added that it lacks.
+    fits : of this person; missing ones are computed and added.
     """
     fits = {} if fits is None else fits
 
@@ -88,8 +88,7 @@ def calibrated_hand(
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
     """Poses that calibrate the person's other hand under the part's model, or why none may be used.
 
-    Suspicion stays where it is: while a finding stands against a recording of either hand, or one cannot be
-    read, they tell each other nothing.
+    While a recording of either hand has a finding or cannot be read, no lengths are shared between them.
     """
     layout = plan.layouts[part.hand]
     partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
@@ -126,7 +125,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
     """Fit one of the person's hands to its calibration, as thinned, and to what a calliper measured on it.
 
     Frames in which a receiver was displaced are left out where they make centres worse. Raises InputError
-    where no recording can be read or the sheet names what is not there, and as `fit_hand` does.
+    where no recording can be read or the sheet names something that is absent, and as `fit_hand` does.
     """
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
@@ -162,7 +161,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
-    """Read a recording's poses, evenly thinned to at most so many frames."""
+    """Read a recording's poses, evenly thinned to at most most_frames."""
     return read_every(path, segments, -(-frame_count(path) // most_frames))
 
 
@@ -189,7 +188,7 @@ def _touches(
     touches = []
     for row in sheet_rows:
         poses = recordings[row["task"], row["trial"]]
-        # one person's way of putting pads together repeats itself: all of a pair share the weight of one
+        # a person pinches in the same way each time, so all contacts of a pair share the weight of one
         shared_mm = CONTACT_SD_MM * met[frozenset((row["digit"], row["meets"]))] ** 0.5
         rows = np.flatnonzero((poses.time_s >= row["from_s"]) & (poses.time_s <= row["to_s"]))
         try:
@@ -212,5 +211,5 @@ def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) 
 
 def _place(plan: SubjectPlan, sheet: str, row: Row, column: str = "") -> str:
     """File, row and column of a sheet, as a message begins; a study's plan does not know rows by number."""
-    cell = ", ".join([f"row {row.line}"] * bool(row.line) + [f"column {column}"] * bool(column))
-    return ": ".join(filter(None, [str(plan.sheets.get(sheet, sheet)), cell]))
+    cell = [f"row {row.line}" if row.line else "", f"column {column}" if column else ""]
+    return ": ".join(filter(None, [str(plan.sheets.get(sheet, sheet)), ", ".join(filter(None, cell))]))

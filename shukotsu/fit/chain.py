@@ -40,7 +40,7 @@ from shukotsu.study.layout import Digit, Layout
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 UNMODELLED = "unmodelled"
-"""Group of unknowns that lengths have beside what is fitted (section 8)."""
+"""Group of unknowns for errors of lengths outside the fitted model (section 8)."""
 
 _FINGER_JOINTS = 4
 """Joints of a digit that has a DIP joint."""
@@ -118,7 +118,7 @@ def hand_model(
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:
-    """A joint without anatomy and all that hangs from it."""
+    """A joint of unknown anatomy and everything distal to it."""
     name = joint.joint.name
     sd = WRIST_SD_MM if at_wrist and joint.far == joint.joint.parent_receiver else REACH_SD_MM
     near = [builder.free(0.0, sd, "near side", f"{name} {n}") for n in "xyz"]
@@ -154,7 +154,7 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
 
 
 class _DigitChain:
-    """A digit while it is laid out from the base bone's frame; bone k is moved by joint k.
+    """Builder of one digit's chain, from the base bone's frame; joint k moves bone k.
 
     above : from the hand's frame to that of the bone before bone k; axes : flexion axes in it, rests :
     rotations of bone k against it, digit straight. flexions : the state of every joint that flexes.
@@ -214,7 +214,7 @@ class _DigitChain:
         return x, y, z
 
     def _flexion_states(self) -> dict[str, int]:
-        """Add the flexion of every joint of the digit that moves, be it as little as CMC 2 and 3 do."""
+        """Add the flexion of every joint of the digit that moves, also CMC 2 and 3, which move little."""
         flexions = {}
         for k, joint in enumerate(self.digit.joints):
             moves = bool(self.builder.layout.joints[joint].dof)
@@ -245,11 +245,11 @@ class _DigitChain:
         return [*steps, along(X, length)]
 
     def _kind(self, k: int) -> str:
-        """Kind of bone k, as anatomy calls it, whatever the layout calls its segment."""
+        """Anatomical kind of bone k, independent of its segment's name in the layout."""
         return BONE_KINDS[k] if k < len(self.digit.segments) - 1 else BONE_KINDS[-1]
 
     def _length(self, k: int) -> Amount:
-        """Length of bone k: the average one to the hand's scale, its own part and the source's."""
+        """Length of bone k: average times the hand's scale, plus its own part and the source's."""
         kind, builder = self._kind(k), self.builder
         own_sd_mm = prior.LENGTH_SD_MM[kind]
         if k == 0 and self.anatomy.second_axis is not None:
@@ -259,7 +259,7 @@ class _DigitChain:
         return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
 
     def _unmodelled_mm(self, k: int) -> float:
-        """Sd of what is no part of the chain and yet of the bone's length, as sources mean it."""
+        """Sd of the part of a bone's length, as sources define it, that the chain does not model."""
         part = "phalanx" if k else "thumb_metacarpal" if self.digit.name == "thumb" else "metacarpal"
         return prior.UNMODELLED_LENGTH_MM[part]
 

@@ -30,7 +30,7 @@ class Amount:
     parts: tuple[tuple[float, int], ...]
 
     def times(self, factor: float) -> Amount:
-        """The amount, so many times."""
+        """The amount, scaled by a factor."""
         return Amount(self.constant * factor, tuple((c * factor, i) for c, i in self.parts))
 
     def plus(self, other: Amount) -> Amount:
@@ -76,18 +76,18 @@ class States:
         return len(self.names) - 1
 
     def follow(self, state: int, other: int, ratio: float, sd_deg: float) -> None:
-        """Expect a state at so many times another, to an sd, instead of at a mean of its own."""
+        """Set a state's prior mean to a multiple of another state, with an sd, instead of a constant."""
         self.follows[state] = other, ratio
         self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
 
     def sd_over(self, samples: float) -> Array:
-        """Priors' sd (S,) over independent samples: that a joint follows another is one fact."""
+        """Prior sd (S,) of the states over independent samples; the coupling of two joints counts once."""
         sd = np.array(self.sd)
         sd[list(self.follows)] *= np.sqrt(samples)
         return sd
 
     def link(self) -> Array:
-        """Matrix (S, S) that takes states less their means to what their prior says has the sd `sd`."""
+        """Matrix (S, S) that maps states, less their means, to independent components with the sd `sd`."""
         link = np.eye(len(self.names))
         for state, (other, ratio) in self.follows.items():
             link[state, other] = -ratio
@@ -108,7 +108,7 @@ class FirstGuess:
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint angle (state) that moves skin, counted from where skin is relaxed, rad."""
+    """A joint angle (state) that moves skin, rad from where the skin is relaxed."""
 
     state: int
     relaxed_rad: float = 0.0
@@ -129,7 +129,7 @@ def axis_frame(joint: str) -> str:
 
 
 def straight(digit: str) -> str:
-    """Name of the mark at the hand's frame as it is turned by how this person's digit lies in it."""
+    """Name of the mark at the hand's frame, turned by this person's orientation of the digit in it."""
     return f"straight {digit}"
 
 
@@ -144,7 +144,7 @@ def receiver(segment: str) -> str:
 
 
 class Builder:
-    """What chains need while they are laid out; attributes, `scale` and `seen` as in `hand_model`."""
+    """Shared state while chains are laid out; attributes, `scale` and `seen` as in `hand_model`."""
 
     def __init__(self, layout: Layout, scale: tuple[float, float], seen: frozenset[str]) -> None:
         self.layout, self.seen = layout, seen
@@ -186,7 +186,7 @@ class Builder:
         """Place of a receiver on its bone, sliding and tilting with the drives.
 
         kind : of the bone; None for the palm. People have a habit for nails and one for other bones. lag : by
-        how much less it turns than its place does. faces_anyhow : it may sit anywhere round its bone.
+        how much less it turns than its place does. faces_anyhow : its roll about the bone is unconstrained.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
         sds_mm = prior.MOUNT_SD_MM
@@ -212,13 +212,13 @@ class Builder:
             turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
             if i == 1 and kind == "distal" and drives:
-                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # than usual has this hand
+                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # beyond the usual
                 skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 
     def _cover(self) -> Amount:
-        """By how much skin and housing of all receivers are higher than expected, which a drawing tells."""
+        """Amount by which skin and housing of all receivers are higher than expected."""
         height_mm = self.layout.receiver_height_mm
         if height_mm is None:
             return self.shared(prior.COVER_SD_MM, "cover", "receivers")
@@ -228,7 +228,7 @@ class Builder:
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
     ) -> Amount:
-        """Place a receiver on its bone along or about an axis: as expected, by habit and by chance."""
+        """Place a receiver along or about an axis of its bone: expected place, habit, and random part."""
         letter = "xyz"[axis]
         if habit is None:
             return self.place(mean, sd, group, f"{segment} {letter}")
@@ -260,7 +260,7 @@ def by_state(axis: Array, state: int, skin: tuple[Term, ...] = ()) -> Operation:
 
 
 def across_of(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors at right angles to an axis and to each other."""
+    """Two unit vectors perpendicular to an axis and to each other."""
     first = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
     return first, np.cross(axis, first)
 

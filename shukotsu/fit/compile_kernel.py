@@ -54,8 +54,8 @@ def one_frame() -> tuple[Problem, Point]:
 
 @contextmanager
 def held_kernel(*, alone: bool) -> Iterator[None]:
-    """Hold the kernel's file, alone to compile it: others wait. Without locks they compile as well."""
-    with Path(__file__).with_name("kernel.py").open("rb") as file:
+    """Hold the kernel's first file, alone to compile it: others wait. Without locks they compile as well."""
+    with Path(__file__).with_name("kernel").joinpath("__init__.py").open("rb") as file:
         with suppress(ImportError, OSError):
             import fcntl
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.fit import kernel
+from shukotsu.fit.kernel import derivatives, elimination, forward, posing
 from shukotsu.fit.normal_equations import (
     HUBER,
     BranchResiduals,
@@ -27,18 +27,18 @@ from shukotsu.fit.operations import Branch, Index, Reached
 from shukotsu.hand.rotations import Array
 
 BLOCK_FRAMES = 128
-"""Frames that are posed together: what they need fits a core's own memory."""
+"""Frames that are posed together: their data fit into a core's cache."""
 
 _LEAST_GAIN = 1e-4
 """Share of a frame's cost below which a step is its last."""
 
 _KINDS = {
-    "rotate": kernel.ROTATE,
-    "translate": kernel.TRANSLATE,
-    "turn": kernel.MOVE,
-    "mark": kernel.MARK,
-    "leave": kernel.LEAVE,
-    "return": kernel.RETURN,
+    "rotate": forward.ROTATE,
+    "translate": forward.TRANSLATE,
+    "turn": forward.MOVE,
+    "mark": forward.MARK,
+    "leave": forward.LEAVE,
+    "return": forward.RETURN,
 }
 
 
@@ -55,11 +55,11 @@ class Steps:
     root_inverse: Array
     root_by_x: Array
     root_rhs: Array
-    eliminated: tuple[kernel.EliminatedStates, ...]
+    eliminated: tuple[elimination.EliminatedStates, ...]
     unknowns: tuple[Index, ...]
 
     def frames_first(self) -> Reduced:
-        """Return the same as the rest of the package reads them."""
+        """Return the same with the frames first."""
         return Reduced(
             self.matrix,
             self.gradient,
@@ -85,10 +85,10 @@ def _first(values: Array) -> Array:
     return np.moveaxis(values, -1, 0).copy()
 
 
-def _reached_room(problem: Problem, n: int) -> kernel.ReachedFrames:
+def _reached_buffers(problem: Problem, n: int) -> forward.ReachedFrames:
     n_operations = sum(len(branch.operations) for branch in problem.branches)
     n_marks = sum(len(branch.marks) for branch in problem.branches)
-    return kernel.ReachedFrames(
+    return forward.ReachedFrames(
         np.empty((n_operations, 3, n)),
         np.empty((n_operations, 3, n)),
         np.empty((n_marks, 3, 3, n)),
@@ -96,46 +96,46 @@ def _reached_room(problem: Problem, n: int) -> kernel.ReachedFrames:
     )
 
 
-def _residuals_room(problem: Problem, n: int) -> kernel.ResidualArrays:
+def _residual_buffers(problem: Problem, n: int) -> derivatives.ResidualArrays:
     n_receivers = sum(map(len, problem.receivers))
-    return kernel.ResidualArrays(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
+    return derivatives.ResidualArrays(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
 
 
-def _posing_room(problem: Problem, n: int) -> kernel.Room:
-    """Room for n frames."""
+def _posing_buffers(problem: Problem, n: int) -> posing.PosingBuffers:
+    """Buffers in which n frames are posed."""
     b, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
     s = max((len(branch.states) for branch in problem.branches), default=0)
     shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
-    return kernel.Room(
-        kernel.BranchPoses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
-        _reached_room(problem, n),
-        _residuals_room(problem, n),
+    return posing.PosingBuffers(
+        forward.BranchPoses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
+        _reached_buffers(problem, n),
+        _residual_buffers(problem, n),
         *(np.empty((*shape, n)) for shape in shapes),
     )
 
 
-def _chains(problem: Problem) -> kernel.FlatChains:
+def _chains(problem: Problem) -> forward.FlatChains:
     shared = () if problem.field is None else tuple(problem.field.unknowns.tolist())
     return _flat_chains(problem.branches, problem.receivers, shared)
 
 
-def _amounts(chains: kernel.FlatChains, x: Array) -> kernel.Amounts:
+def _amounts(chains: forward.FlatChains, x: Array) -> forward.Amounts:
     """Return the steady part of every operation's amount, and how much of a state each term adds."""
     slope = chains.coefficient * np.where(chains.unknown >= 0, x[chains.unknown], 1.0)
     running = np.append(0.0, np.cumsum(np.where(chains.state < 0, slope, 0.0)))
-    return kernel.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)
+    return forward.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)
 
 
-def _poses(point: Point) -> kernel.BranchPoses:
-    return kernel.BranchPoses(_last(point.y), _last(point.root), _last(point.root_mm))
+def _poses(point: Point) -> forward.BranchPoses:
+    return forward.BranchPoses(_last(point.y), _last(point.root), _last(point.root_mm))
 
 
-def _measured_poses(problem: Problem, x: Array, *, free_x: bool) -> kernel.MeasuredPoses:
+def _measured_poses(problem: Problem, x: Array, *, free_x: bool) -> derivatives.MeasuredPoses:
     frames = problem.frames
     turned = np.zeros((len(frames.valid), frames.valid.shape[1], 3, 0))
     if free_x and problem.field is not None:
         turned = problem.field.by_unknown(frames.position_mm)
-    return kernel.MeasuredPoses(
+    return derivatives.MeasuredPoses(
         _last(problem.rotation(x)),
         _last(frames.position_mm),
         frames.valid.T.copy(),
@@ -144,34 +144,34 @@ def _measured_poses(problem: Problem, x: Array, *, free_x: bool) -> kernel.Measu
     )
 
 
-def _prior(problem: Problem) -> kernel.Prior:
+def _prior(problem: Problem) -> derivatives.Prior:
     most = max((len(branch.states) for branch in problem.branches), default=0)
     precision = np.zeros((len(problem.branches), most, most))
     for block, branch in zip(precision, problem.branches, strict=True):
         root, n = problem.state_prior(branch.states), len(branch.states)
         block[:n, :n] = problem.temper * root.T @ root
-    return kernel.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
+    return derivatives.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
 
 
 @dataclass(frozen=True)
 class _Evaluated:
     """A problem at a point, as the kernel sees it."""
 
-    chains: kernel.FlatChains
-    amounts: kernel.Amounts
-    at: kernel.BranchPoses
-    seen: kernel.MeasuredPoses
-    prior: kernel.Prior
-    reached: kernel.ReachedFrames
-    current: kernel.ResidualArrays
+    chains: forward.FlatChains
+    amounts: forward.Amounts
+    at: forward.BranchPoses
+    seen: derivatives.MeasuredPoses
+    prior: derivatives.Prior
+    reached: forward.ReachedFrames
+    current: derivatives.ResidualArrays
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
         chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
         amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)
-        reached, residuals_there = _reached_room(problem, n_frames), _residuals_room(problem, n_frames)
-        kernel.reach(chains, chains.plan, amounts, at, reached)
-        kernel.residuals(chains, reached, at, seen, prior, residuals_there)
+        reached, residuals_there = _reached_buffers(problem, n_frames), _residual_buffers(problem, n_frames)
+        forward.reach(chains, chains.plan, amounts, at, reached)
+        derivatives.residuals(chains, reached, at, seen, prior, residuals_there)
         return cls(chains, amounts, at, seen, prior, reached, residuals_there)
 
 
@@ -214,7 +214,7 @@ def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
         m, n = 6 * len(receivers), len(point.y)
         J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(problem.unknowns_of(b)), m, n))
-        kernel.jacobian(
+        derivatives.jacobian(
             at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
         )
         rows = slice(first, first + len(receivers))
@@ -238,19 +238,19 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
         unknowns, s = problem.unknowns_of(b), len(branch.states)
         J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
-        part = kernel.EliminatedStates(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
-        kernel.jacobian(
+        part = elimination.EliminatedStates(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
+        derivatives.jacobian(
             at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
         )
-        r = kernel.eliminate(at.chains, at.current, at.at, at.prior, dampings, b, J_y, J, part)
-        kernel.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
+        r = elimination.eliminate(at.chains, at.current, at.at, at.prior, dampings, b, J_y, J, part)
+        elimination.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
         J_x = J[6:].reshape(len(unknowns), r.size)
         Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
         matrix[np.ix_(unknowns, unknowns)] += J_x @ J_x.T - Z_x @ Z_x.T
         gradient[unknowns] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
         eliminated.append(part)
     inverse, rhs, by_x = np.empty((6, 6, n)), np.empty((6, n)), np.empty((G, 6, n))
-    kernel.reduce_roots(H_rr, H_xr, g_r, dampings, inverse, rhs, by_x)
+    elimination.reduce_roots(H_rr, H_xr, g_r, dampings, inverse, rhs, by_x)
     flat = by_x.reshape(G, 6 * n)
     matrix -= flat @ flat.T
     gradient -= flat @ rhs.ravel()
@@ -265,25 +265,25 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
     d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)
     for branch, part, unknowns in zip(problem.branches, steps.eliminated, steps.unknowns, strict=True):
         of_x = np.broadcast_to(dx[unknowns, None], (len(unknowns), len(point.y)))
-        kernel.step_states(branch.states.astype(int), part, np.concatenate([d_root, of_x]), at.y)
-    kernel.step_root(d_root, at.root, at.root_mm)
+        elimination.step_states(branch.states.astype(int), part, np.concatenate([d_root, of_x]), at.y)
+    elimination.step_root(d_root, at.root, at.root_mm)
     return Point(point.x + dx, _first(at.y), _first(at.root), _first(at.root_mm))
 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
-    """Fit states and roots with x as it is: Levenberg-Marquardt, each frame for no longer than it gains."""
+    """Fit states and roots with x fixed (Levenberg-Marquardt); each frame stops when it gains no more."""
     chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
-    plan = kernel.condense(chains, amounts)
+    plan = forward.condense(chains, amounts)
     y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
     n_blocks = -(-len(y) // BLOCK_FRAMES)
-    rooms = dict[int, kernel.Room]()
+    buffers = dict[int, posing.PosingBuffers]()
     for rows in np.array_split(np.arange(len(y)), max(1, n_blocks)):
         block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        if len(rows) not in rooms:
-            rooms[len(rows)] = _posing_room(problem, len(rows))
+        if len(rows) not in buffers:
+            buffers[len(rows)] = _posing_buffers(problem, len(rows))
         at = _poses(point.take(block))
         seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
-        kernel.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, rooms[len(rows)])
+        posing.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, buffers[len(rows)])
         y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
     return Point(point.x, y, root, root_mm)
 
@@ -293,7 +293,7 @@ def _flat_chains(
     branches: tuple[Branch, ...],
     receivers: tuple[tuple[tuple[int, int], ...], ...],
     shared: tuple[int, ...] = (),
-) -> kernel.FlatChains:
+) -> forward.FlatChains:
     """Lay out branches with their receivers, pairs (mark in the branch, receiver in frames).
 
     shared : unknowns that move no chain but are seen by every receiver; the last of each branch's.
@@ -317,60 +317,60 @@ def _flat_chains(
     by_unknown = np.pad(_moves_receiver(upstream, terms_from, x_column), ((0, 0), (0, len(shared))))
     for row, (b, *_) in zip(by_unknown, measured, strict=True):
         row[len(branches[b].unknowns) :][: len(shared)] = True
-    return kernel.FlatChains(
-        _plan(branches, first_operation, first_mark),
-        1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
-        np.array([operation.rotates for operation in operations], bool),
-        np.array([any(s >= 0 for *_, s in parts) for parts in terms], bool),
-        np.array([operation.constant for operation in operations], float),
-        terms_from,
-        coefficient,
-        unknown.copy(),
-        state.copy(),
-        x_column,
-        y_column,
-        np.array([first_mark[b] + mark for b, mark, _ in measured], int),
-        np.array([s for *_, s in measured], int),
-        _from(map(len, upstream)),
-        np.concatenate([np.zeros(0, int), *upstream]),
-        _moves_receiver(upstream, terms_from, y_column),
-        by_unknown,
-        _from(map(len, receivers)),
-        _from(len(branch.states) for branch in branches),
-        np.concatenate([branch.states for branch in branches]).astype(int),
-        _from(len(branch.unknowns) + len(shared) for branch in branches),
-        np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
+    return forward.FlatChains(
+        plan=_plan(branches, first_operation, first_mark),
+        depth=1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
+        rotates=np.array([operation.rotates for operation in operations], bool),
+        moves=np.array([any(s >= 0 for *_, s in parts) for parts in terms], bool),
+        amount=np.array([operation.constant for operation in operations], float),
+        terms_from=terms_from,
+        coefficient=coefficient,
+        unknown=unknown.copy(),
+        state=state.copy(),
+        x_column=x_column,
+        y_column=y_column,
+        mark=np.array([first_mark[b] + mark for b, mark, _ in measured], int),
+        receiver=np.array([s for *_, s in measured], int),
+        upstream_from=_from(map(len, upstream)),
+        upstream=np.concatenate([np.zeros(0, int), *upstream]),
+        by_state=_moves_receiver(upstream, terms_from, y_column),
+        by_unknown=by_unknown,
+        receivers_from=_from(map(len, receivers)),
+        states_from=_from(len(branch.states) for branch in branches),
+        states=np.concatenate([branch.states for branch in branches]).astype(int),
+        unknowns_from=_from(len(branch.unknowns) + len(shared) for branch in branches),
+        unknowns=np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
     )
 
 
 def _from(lengths: Iterable[int]) -> Index:
-    """Return where each part begins, and the last ends, when they are put one after the other."""
+    """Return the start of each part, and the end of the last, when parts are concatenated."""
     return np.cumsum([0, *lengths])
 
 
-def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index) -> kernel.Plan:
-    """Every branch left and returned from at the root."""
+def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index) -> forward.Plan:
+    """Plan of all branches, each beginning and ending at the root."""
     steps: list[tuple[int, int, Array]] = []
     for branch, operation, mark in zip(branches, first_operation, first_mark, strict=False):
-        steps.append((kernel.LEAVE, 0, np.zeros(12)))
+        steps.append((forward.LEAVE, 0, np.zeros(12)))
         for kind, index, values in branch.plan:
             first = operation if kind in ("rotate", "translate") else mark if kind == "mark" else 0
             constant = np.zeros(12)
             constant[: values.size] = values.ravel()
             steps.append((_KINDS[kind], int(first) + index, constant))
-        steps.append((kernel.RETURN, 0, np.zeros(12)))
+        steps.append((forward.RETURN, 0, np.zeros(12)))
     kinds, places, constants = zip(*steps, strict=True)
-    return kernel.Plan(np.array(kinds, int), np.array(places, int), np.array(constants))
+    return forward.Plan(np.array(kinds, int), np.array(places, int), np.array(constants))
 
 
 def _columns(of_branch: Index, index: Index, of_branches: Sequence[Index]) -> Index:
-    """Place (K,) of each term's factor among its branch's own, -1 where it has none."""
+    """Column (K,) of each term's factor within its branch, -1 where the term has none."""
     places = [{int(i): column for column, i in enumerate(indices)} for indices in of_branches]
     return np.array([places[b].get(int(i), -1) for b, i in zip(of_branch, index, strict=True)], int)
 
 
 def _moves_receiver(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
-    """Whether each receiver (N, columns) is moved by what is in that column."""
+    """Whether each receiver depends on the factor in each column, (N, columns)."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
     for row, operations in zip(out, upstream, strict=True):
         for o in operations:

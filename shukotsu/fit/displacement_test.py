@@ -3,9 +3,9 @@ off.
 
 To first order the answer needs no second fit (Rao's score test): the six numbers of such a displacement are
 six more unknowns of the same least squares, from which the hand's own unknowns, the joint angles and the
-roots are eliminated (`Eliminated`). So what the fit has already bent to the displacement counts for it, and
-what joint angles or neighbours can explain as well does not. Nor does what skin may do: an offset that
-belongs to a posture and returns with it, or that fades within seconds.
+roots are eliminated (`Eliminated`). So the part of a displacement that the fit has already absorbed counts as
+evidence, and what joint angles or neighbours can explain as well does not. Nor does plausible skin motion:
+an offset that belongs to a posture and returns with it, or that fades within seconds.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -25,7 +25,7 @@ from shukotsu.fit.operations import Index
 from shukotsu.hand.rotations import Array
 
 MOMENTS = 40
-"""At so many of them a receiver may have come loose; the exact frame is then looked for."""
+"""Number of moments at which a receiver may have come loose; the exact frame is then searched for."""
 
 SHORTEST = 2
 """Intervals between moments that a receiver must have sat in its first and in its second place."""
@@ -46,13 +46,13 @@ SKIN_SHARE = 0.5
 """Sd of what skin does in a posture or for a while, per component, over what half a recording may differ."""
 
 POSTURE_RAD = float(np.radians(25.0))
-"""Angles so far apart are two postures, as skin goes."""
+"""Difference of angles beyond which two postures move skin independently."""
 
 SKIN_WAYS = 16
-"""Ways of moving as skin does that are kept: the rest is small."""
+"""Components of skin motion that are kept; the others are small."""
 
 LAG_FRAMES = 8.0
-"""Even frames, about two seconds: so long does skin remember."""
+"""Evenly spaced frames, about two seconds: the time constant of skin."""
 
 DISPLACEMENT_SD = (6.0, float(np.radians(10.0)))
 """mm and rad per component, of a receiver that came loose."""
@@ -62,7 +62,7 @@ LEAST_GAIN = 5.0
 simulated hands with nothing loose."""
 
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
-"""Receivers of which one is loose, by what their displacements explain to first order."""
+"""First-order evidence for a displacement of each receiver."""
 
 PRIOR = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
@@ -78,7 +78,7 @@ class Displacement:
 
     @property
     def slides(self) -> bool:
-        """Whether it went slowly."""
+        """Whether the receiver slid."""
         return self.end > self.start
 
     @property
@@ -152,7 +152,7 @@ class ScoreTest:
         *,
         from_start: bool = False,
     ) -> ScoreTest:
-        """Test some receivers; normal : (S, 2) mm and rad, of a displacement that is none."""
+        """Test some receivers; normal : (S, 2) mm and rad that are no displacement."""
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
         n_receivers, ways = len(problem.sd), courses(len(cuts), from_start=from_start)
         slope = np.zeros((n_receivers, len(cuts), 6))
@@ -181,7 +181,7 @@ class ScoreTest:
         return float(self._odds(None)[1].max(initial=0.0))
 
     def likeliest(self, receiver: int | None = None) -> Displacement | None:
-        """The displacement (of one receiver, where given) that is most abnormal; None where none is."""
+        """The most abnormal displacement, optionally of one receiver only; None where none is abnormal."""
         best, odds = self._odds(receiver)
         if not odds.any():
             return None
@@ -193,8 +193,8 @@ class ScoreTest:
     def _odds(self, receiver: int | None) -> tuple[Index, Array]:
         """The likeliest receiver (P,) on each course, or the one given, and how abnormal (P,) it would be.
 
-        On each course only the receiver whose displacement explains most is a candidate: the rest may be its
-        neighbours' doing. Nor is one that comes back: what returns is skin.
+        On each course only the receiver whose displacement explains most is a candidate, as neighbours may
+        explain the others. Reversible offsets count as skin motion and are no candidates.
         """
         ways = self.ways
         every = np.arange(len(ways.start))
@@ -213,8 +213,8 @@ class ScoreTest:
         """The likeliest displacement, the same receiver's if it came loose at once rather than slid or the
         other way round, and those of other receivers on the same course that explain nearly as much.
 
-        Which of them it is, only the fits with them can tell: to first order a turned receiver on the middle
-        of a finger is much like one on its tip that slid.
+        Only fits that include them can decide between these: to first order, a turned receiver on the middle
+        of a finger looks much like one on its tip that slid.
         """
         first = self.likeliest()
         if first is None:
@@ -224,7 +224,8 @@ class ScoreTest:
         otherwise = ~ways.returns & ((ways.end > ways.start) != first.slides)
         k = int(np.argmax(np.where(otherwise, self.gain[s], -np.inf)))
         tried = [(int(other), p) for other in np.argsort(-self.gain[:, p])[:MOST_RIVALS]]
-        tried += [(s, k)] * bool(otherwise[k])
+        if otherwise[k]:
+            tried.append((s, k))
         least = RIVAL_SHARE * self.gain[s, p]
         return [self._displacement(other, way) for other, way in tried if self.gain[other, way] >= least]
 
@@ -234,7 +235,7 @@ class ScoreTest:
         return int(np.flatnonzero((ways.start == start) & (ways.end == end) & ~ways.returns)[0])
 
     def refined(self, displaced: Displacement) -> Displacement:
-        """A displacement that frames were already corrected for, gone as far as is likeliest."""
+        """A displacement that frames were already corrected for, with its most likely extent."""
         way = self.ways.share[[self._course(displaced)]]
         s = displaced.receiver
         slope, curvature = _on_courses(self.slope[s], self.curvature[s], way)

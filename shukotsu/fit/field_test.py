@@ -21,10 +21,10 @@ from shukotsu.fit.normal_equations import Frames, Point, Problem
 from shukotsu.hand.rotations import Array
 
 DISTANCES_MM = (60.0, 180.0)
-"""From the nearest place where a receiver was to a source: a thing beside the hand, or a plate."""
+"""Distances from the nearest receiver to the source: an object beside the hand, or a plate."""
 
 POWER = 3.0
-"""Power of the distance from a source by which its field falls."""
+"""Exponent with which the field falls with the distance from its source."""
 
 ROOM_REACH_MM, ROOM_SD = 200.0, (0.9, float(np.radians(1.8)))
 """Any room's own field changes over so much, and by so many mm and rad per component: half as much again as
@@ -34,7 +34,7 @@ MOST_SITES = 30
 """Half of that reach apart, at which it may differ: more are no place where a hand moves."""
 
 USUAL = (1.0, float(np.radians(1.5)))
-"""mm and rad beside a source that are none of anybody's business."""
+"""mm and rad beside a source below which a disturbance is ignored."""
 
 DISTURBED_SD = (4.0, float(np.radians(4.0)))
 """The same per component beside steel."""
@@ -89,7 +89,7 @@ def fields(places: Array) -> list[Field]:
 def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     """The likeliest field, and the log likelihood that it explains beyond what any room has.
 
-    Poses relative to one of the receivers are in no room that could be told.
+    Poses relative to one of the receivers hold no position in the room.
     """
     if _is_relative(problem.frames):
         return Field(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
@@ -97,7 +97,7 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             off = np.linalg.norm(r[i].reshape(-1, 2, 3), axis=-1) * problem.sd[s]
-            valid[:, s] &= (off <= GROSS).all(1)  # else from the wrong side, or a spike
+            valid[:, s] &= (off <= GROSS).all(1)  # otherwise a hemisphere error, or a spike
     frames = replace(problem.frames, valid=valid)
     problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])
@@ -118,7 +118,7 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
 
 
 def _is_relative(frames: Frames) -> bool:
-    """Whether a receiver has one and the same pose in all frames, as no tracker measures it."""
+    """Whether a receiver has an identical pose in all frames, which no tracker measures."""
     for position_mm, rotation, seen in zip(
         *(np.swapaxes(poses, 0, 1) for poses in (frames.position_mm, frames.rotation)),
         frames.valid.T,

@@ -3,8 +3,8 @@ pad.
 
 The fit knows where the last bone of a digit ends. What touches is skin: the soft tip beyond that end, or the
 pad under it. Each is off the end of the bone by an offset that no recording of receivers shows. Its mean and
-spread are those of people in general, until a touch says more (`touching`); then the offset and the unknowns
-of the hand are known together, with what they have in common.
+sd are those of the population until a touch informs it (`touching`); offsets and the unknowns of the hand
+then have a joint covariance.
 
 On paper: docs/whole-hand.md, section 7.
 """
@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from shukotsu.arrays import Float
 from shukotsu.errors import InputError
 from shukotsu.fit.chain_builder import bone, receiver
 from shukotsu.fit.fit import HandFit
@@ -64,7 +65,7 @@ class Fingertip:
 
 @dataclass(frozen=True)
 class Fingertips:
-    """The fingertips of a hand, beside the fit that they were read off.
+    """The fingertips of a hand, with the fit that they were computed from.
 
     offsets_mm : (D, 2, 3) of soft tip and pad from the bone's end, in the bone's frame of a right hand, in
     the order of digits. covariance : (G + 6 D, G + 6 D) of unknowns and offsets. refused : touches left out,
@@ -83,7 +84,7 @@ class Fingertips:
         return square_root(self.covariance)
 
     def __getitem__(self, digit: str) -> Fingertip:
-        """One digit's; InputError where it has none."""
+        """The fingertip of one digit; InputError where it has none."""
         if digit not in self.digits:
             raise InputError(f"digit {digit!r} has no fingertip; expected one of {', '.join(self.digits)}")
         return self.digits[digit]
@@ -99,14 +100,14 @@ class Fingertips:
         return out
 
 
-def square_root(covariance: Array) -> Array:
+def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """A matrix (n, n) whose product with its transpose is the covariance."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def fingertips(fit: HandFit) -> Fingertips:
-    """The fingertips as the fit and people in general have them, before anything was touched."""
+    """Fingertips from the fit and population means of the soft parts, before any touch."""
     offsets, n_unknowns = _average_offsets_mm(fit), len(fit.evidence.posterior.x)
     covariance = np.zeros((n_unknowns + offsets.size,) * 2)
     covariance[:n_unknowns, :n_unknowns] = fit.evidence.posterior.covariance
@@ -118,7 +119,7 @@ def fingertips(fit: HandFit) -> Fingertips:
 def fingertips_of(
     fit: HandFit, offsets_mm: Array, covariance: Array, refused: tuple[str, ...] = ()
 ) -> Fingertips:
-    """Read the fingertips off a fit and the soft parts' offsets, given their covariance together."""
+    """Compute the fingertips from a fit and the soft parts' offsets, given their joint covariance."""
     seen = seen_parts(fit.evidence, fit.evidence.posterior.x, offsets_mm)
     digits = {}
     for digit in tipped_digits(fit.evidence):

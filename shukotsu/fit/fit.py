@@ -2,8 +2,8 @@
 
 How large residuals, misplacements and skin motion are in this hand are scales of the priors, from the data:
 each makes the unknowns of its group as large as its prior says, as far as the data determine them (the fixed
-point of the evidence; MacKay 1992). It is held to the literature's by very little: skin that does not move,
-or a tracker without noise, must not be believed to be there because it usually is.
+point of the evidence; MacKay 1992). Scales are weakly regularised towards published values, so
+that a hand whose skin hardly moves, or a tracker with hardly any noise, is recognised as such.
 
 On paper: docs/whole-hand.md, sections 5 and 7.
 """
@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shukotsu.arrays import Float
 from shukotsu.errors import InputError, count_of
 from shukotsu.fit.chain import UNMODELLED, HandModel, hand_model
 from shukotsu.fit.compiled_equations import Jacobian, pose, reduce, residuals, weighted_jacobians
@@ -53,7 +54,7 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
 
 PSEUDO_UNKNOWNS = 2.0
 PSEUDO_RESIDUALS = 0.2
-"""Weight of the published scale: as of so many unknowns that are known, and of so many residuals. Two
+"""Weight of the published scale, as a number of known unknowns and of residuals. Two
 unknowns are what a scale has whose logarithm differs by a half between people."""
 
 LEAST_SAMPLES = 5.0
@@ -64,11 +65,15 @@ PSEUDO_TURNS = 100.0
 together, and joints that turn about three axes leave next to nothing of a rotation unexplained."""
 
 SD_LIMITS = (0.02, 6.0)
-"""No receiver's residual is trusted to be smaller or larger than so many times the published one: 0.01 mm are
-less than any tracker's noise."""
+"""Limits of a receiver's residual sd over the published one: 0.01 mm is less than any tracker's noise."""
 
 
-def prior_precision(groups: Sequence[str], x: Array, covariance: Array, before: Array) -> Array:
+def prior_precision(
+    groups: Sequence[str],
+    x: Float[Array, " G"],
+    covariance: Float[Array, "G G"],
+    before: Float[Array, " G"],
+) -> Float[Array, " G"]:
     """Precision (G,) of the unknowns' priors (1: as published), one for each family.
 
     x (G,), covariance (G, G) : of the unknowns, solved with the precision `before` (G,).
@@ -87,7 +92,7 @@ def prior_precision(groups: Sequence[str], x: Array, covariance: Array, before: 
 def independent_samples(problem: Problem, current: Residuals) -> float:
     """Number of independent samples in frames that follow each other evenly.
 
-    From the autocorrelation of every receiver's residuals; that which three quarters of them exceed, at
+    From the autocorrelation of every receiver's residuals; their 25th percentile, at
     least LEAST_SAMPLES.
     """
     counts = []
@@ -157,7 +162,7 @@ SIDE_SD = 0.0025
 
 _POSING_STEPS, _BOOTSTRAP_STEPS = 4, 8
 NO_PRECISION = 1e-9
-"""Precision of an expectation that has been replaced."""
+"""Precision of a prior that has been replaced."""
 
 
 @dataclass(frozen=True)
@@ -217,8 +222,8 @@ def fit_hand(
 
     recordings : of the same receivers, each in its own transmitter frame. hand : right or left.
     hand_length_mm : wrist crease to the middle finger's tip; hand_breadth_mm : across the knuckles.
-    measurements : taken on the hand itself. A receiver that is never valid is done without. Raises InputError
-    where fewer than two frames have half of the receivers, or a measurement names nothing known.
+    measurements : taken on the hand itself. A receiver that is never valid is ignored. Raises InputError
+    where fewer than two frames have half of the receivers, or a measurement names an unknown quantity.
     """
     settings = settings or FitSettings()
     worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
@@ -297,7 +302,7 @@ def _problem(model: HandModel, frames: Frames, measured: Observations, field: Ro
 def _solve_scales(
     problem: Problem, model: HandModel, everything: Frames, settings: FitSettings
 ) -> tuple[Problem, Solution]:
-    """Solve, find the scales that the hand shows, solve again; return the last problem and solution."""
+    """Alternate between solving and estimating the scales; return the last problem and solution."""
     published_sd, measured = problem.sd, problem.observations
     average = np.zeros(len(problem.precision))
     start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
@@ -357,7 +362,7 @@ def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dic
 
 
 def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, HandFit]:
-    """Return both fits of a person's hands, each with what the other says about its bones' lengths.
+    """Return both fits of a person's hands, each conditioned on the other's bone lengths.
 
     Bones are of the same length, left and right. Each fit's posterior is normal (Laplace) and the lengths are
     linear in its unknowns, so that conditioning on their difference is exactly one fit of both hands.
@@ -388,7 +393,7 @@ def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]
 
 
 def without_noise_bias(problem: Problem, point: Point) -> Point:
-    """Return the hand less what noise makes of all hands alike, its frames posed with it.
+    """Return the hand corrected for the bias that noise causes, with its frames posed anew.
 
     The hand that is likeliest together with the angles of every frame is too large: what is noise looks like
     motion, and on longer bones smaller angles, which are likelier, reach as far (Neyman & Scott 1948). Bones

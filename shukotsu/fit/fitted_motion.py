@@ -23,14 +23,14 @@ from shukotsu.tables.poses import Poses
 
 CHUNK_FRAMES = 256
 LEAST_RECEIVERS = 2
-"""Valid in a frame, to pose it."""
+"""Least number of valid receivers for a frame to be posed."""
 _UNSEEN = 1e9
-"""Sd in units of a receiver's own, of what is to count for nothing."""
+"""Sd, in units of a receiver's own, that removes a measurement from the fit."""
 
 
 @dataclass(frozen=True)
 class PosedHand:
-    """A recording as the fitted hand did it, T frames; NaN in frames that could not be posed.
+    """A recording posed with the fitted hand, T frames; NaN in frames that could not be posed.
 
     angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names, the base bone (the hand,
     at the wrist centre) first; their proximal joints (T, B, 3) and rotations (T, B, 4), x distal, z dorsal.

@@ -53,11 +53,11 @@ PUT_ON = (
     *("mount", "mount across", "mount turn", "facing"),
     *("mount habit", "mount across habit", "mount turn habit"),
 )
-"""Groups of unknowns that are others when the receivers are put on anew."""
+"""Groups of unknowns that change when the receivers are put on again."""
 
 _NEW_SHARE = 0.5
-"""Share of what residuals leave open, that is another in the next session (our choice): noise and how skin
-wanders. The rest is how skin follows the posture, which repeats."""
+"""Share of the uncertainty from residuals that is independent between sessions (our choice): noise and
+drift of skin. The rest is how skin follows the posture, which is the same in each session."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def _norms(maps: Array) -> Array:
 
 
 def _join_errors(parts: Sequence[PosedErrors]) -> PosedErrors:
-    """Errors of frames after each other."""
+    """Errors of blocks of frames, concatenated."""
     return PosedErrors(
         np.concatenate([part.centre_mm for part in parts]),
         np.concatenate([part.turn_deg for part in parts]),
@@ -209,7 +209,7 @@ def _join_errors(parts: Sequence[PosedErrors]) -> PosedErrors:
 
 
 def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, Index]:
-    """Rows of postures that stand for all, and of each frame the nearest with the same receivers."""
+    """Rows of representative postures, and for each frame the nearest one with the same receivers."""
     usable = np.flatnonzero(posed.posed)
     nearest: Index = np.zeros(len(posed.posed), int)
     if not len(usable):

@@ -9,7 +9,7 @@ On paper: docs/whole-hand.md, section 11.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from shukotsu.hand.known_digits import root_of
 from shukotsu.hand.measured import measured_in
 from shukotsu.hand.rotations import Array
 
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import GainsRow
+
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
 """Sd of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
 
@@ -31,10 +34,10 @@ DEEP_SD_MM = 2.0
 TOUCH = "touch"
 
 
-def gains(tips: Fingertips) -> list[dict[str, Any]]:
+def gains(tips: Fingertips) -> list[GainsRow]:
     """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first.
 
-    Nothing is asked of, or for, what no receiver shows.
+    Only quantities and joints that receivers measure are considered.
     """
     evidence = tips.fit.evidence
     seen = np.asarray(evidence.problem.frames.valid.any(0))[None]
@@ -47,7 +50,7 @@ def gains(tips: Fingertips) -> list[dict[str, Any]]:
         return []
     before, after = (of_joints[kept] for of_joints in _sd_mm(tips, rows))
     best = (before[:, None] - after).argmax(0)
-    all_gains = [
+    all_gains: list[GainsRow] = [
         {
             "quantity": quantity,
             "sd_mm": sd,
@@ -60,7 +63,7 @@ def gains(tips: Fingertips) -> list[dict[str, Any]]:
         for k, (quantity, sd) in enumerate(zip(quantities, sds, strict=True))
         if (seen_in := shown.get(quantity.partition(".")[0])) is None or seen_in[0]
     ]
-    return sorted(all_gains, key=lambda gain: float(gain["mean_sd_after_mm"]))
+    return sorted(all_gains, key=lambda gain: gain["mean_sd_after_mm"])
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
@@ -87,7 +90,7 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
 
 
 def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
-    """Return the sd with which a quantity can be measured."""
+    """Return the sd with which a quantity can realistically be measured."""
     segment, _, part = quantity.partition(".")
     first = {digit.segments[0] for digit in evidence.layout.digits.values()}
     last = {digit.tip for digit in evidence.layout.digits.values()}

@@ -19,10 +19,10 @@ from shukotsu.fit.normal_equations import Point, Problem, Residuals, axial_vecto
 from shukotsu.hand.rotations import Array
 
 CLOSE = 1e-3
-"""Newton decrement, the drop in log posterior that a next step promises: statistically nothing is left."""
+"""Newton decrement (expected drop in log posterior of the next step) below which the gain is negligible."""
 
 NEARLY = 0.1
-"""The same, good enough to find the scales of priors and residuals."""
+"""The same, while the scales of priors and residuals are still being estimated."""
 
 _FULL_STEP = 1e-3
 """Damping below which a step is as long as the normal equations say."""
@@ -105,7 +105,7 @@ def _with_likeliest_bends(
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the fit ended; converged : whether because nothing moved any more."""
+    """End of a minimisation; converged : whether the steps became negligible."""
 
     point: Point
     residuals: Residuals
@@ -113,7 +113,7 @@ class Solution:
 
 
 def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE) -> Solution:
-    """Go downhill from a point until no step goes `close` further down, or the steps are used up."""
+    """Minimise the cost from a point until no step gains `close` or the steps are used up."""
     current = residuals(problem, point)
     damping = 1e-4
     for _ in range(most_steps):

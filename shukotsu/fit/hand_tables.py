@@ -6,7 +6,7 @@ On paper: docs/whole-hand.md, section 8.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,11 +25,12 @@ from shukotsu.tables import catalogue
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import Table, vector_columns
 
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow, MovedReceiversRow, ReceiversRow
+
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"
 """Kinds in which a receiver may be displaced."""
-
-Row = dict[str, Any]
 
 FIT: Mapping[str, Table] = {
     "fitted_joints": catalogue.JOINT_CENTRES,
@@ -44,11 +45,11 @@ FIT: Mapping[str, Table] = {
 }
 """File to table, of a fit of the whole hand."""
 
-_UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
+_UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
 """Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
 
 
-def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
+def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
     """Rows of joint_centres, of receivers' joints first; weighed : whether the data had a say."""
     groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
     rows = []
@@ -57,14 +58,18 @@ def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
         if axes := fit.summary.angle_axes.get(joint.name):  # where angles are zero, about what they turn
             rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), axes.rest, "right")
             zero_deg = *rest_deg.tolist(), -float(np.degrees(axes.turn_rad))
-            row |= dict(zip(ZERO_COLUMNS, zero_deg, strict=True)) | {"axes_turn_sd_deg": axes.turn_sd_deg}
+            columns: Any = dict(zip(ZERO_COLUMNS, zero_deg, strict=True))
+            row |= columns | {"axes_turn_sd_deg": axes.turn_sd_deg}
         rows.append(row)
-    anatomy_alone = {"source": "anatomy alone", "status": "ok", "message": "", **_UNWEIGHED}
-    return rows if weighed else [row | anatomy_alone for row in rows]
+    if not weighed:
+        for row in rows:
+            row |= {"source": "anatomy alone", "status": "ok", "message": ""}
+            row |= _UNWEIGHED
+    return rows
 
 
-def _joint_row(joint: FittedJoint) -> Row:
-    row: Row = {
+def _joint_row(joint: FittedJoint) -> JointCentresRow:
+    row: JointCentresRow = {
         "joint": joint.name,
         "parent_segment": joint.parent_segment,
         "child_segment": joint.child_segment,
@@ -75,22 +80,20 @@ def _joint_row(joint: FittedJoint) -> Row:
         "axis_sd_deg": joint.axis_sd_deg,
         "n_frames": 0,
         "source": SOURCE,
-        **note_doubts(joint.doubts),
         "status": "failed" if joint.message else "ok",
         "message": joint.message,
-        **vector_columns("parent_", joint.parent_mm, "_mm"),
-        **vector_columns("child_", joint.child_mm, "_mm"),
-        **vector_columns("axis_parent_", joint.axis_parent),
-        **vector_columns("axis_child_", joint.axis_child),
     }
+    row |= note_doubts(joint.doubts)
+    row |= vector_columns("parent_", joint.parent_mm, "_mm") | vector_columns("child_", joint.child_mm, "_mm")
+    row |= vector_columns("axis_parent_", joint.axis_parent) | vector_columns("axis_child_", joint.axis_child)
     if np.isfinite(joint.covariance_mm2).all():
-        row["covariance_mm2"] = joint.covariance_mm2.ravel()
+        row["covariance_mm2"] = joint.covariance_mm2.ravel().tolist()
     return row
 
 
-def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
+def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
     """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
-    return [
+    rows: list[BoneLengthsRow] = [
         {
             "digit": digit.name,
             "bone": segment,
@@ -99,25 +102,29 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
             "length_mm": fit.bones[segment].length_mm,
             "sd_mm": fit.bones[segment].sd_mm if weighed else None,
             "driven_by": "",
-            **UNJUDGED,
             "message": "",
         }
         for digit in fit.evidence.layout.digits.values()
         for index, segment in enumerate(digit.segments)
         if segment in fit.bones
     ]
+    for row in rows:
+        row |= UNJUDGED
+    return rows
 
 
-def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
+def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
     """Rows of receivers; unsteady : what was displaced in the calibration."""
-    fit, rows = tips.fit, []
+    fit = tips.fit
+    rows: list[ReceiversRow] = []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
     displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
     for segment in fit.evidence.model.receivers:
         residual_mm, residual_deg = fit.residual_rms[segment]
-        row: Row = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
+        row: ReceiversRow = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
+        columns: Any = {}
         for name, amount in zip(MOUNT_PARTS, fit.evidence.model.mount.get(segment, ()), strict=False):
-            row[f"{name}_mm"], row[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
+            columns[f"{name}_mm"], columns[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
         row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
         if not np.isfinite(residual_mm):
             row |= {"status": "failed", "message": "no valid pose in the calibration"}
@@ -129,19 +136,20 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
                 ("bone_tip", tip.point_mm, tip.covariance_mm2),
                 ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
             ):
-                row |= vector_columns(f"{name}_", point, "_mm")
-                row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
+                columns |= vector_columns(f"{name}_", point, "_mm")
+                columns[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
             refused = [text for text in tips.refused if f"({digit}, " in text or f" and {digit})" in text]
             row["message"] = join_reasons([row["message"], *refused])
+        row |= columns
         rows.append(row)
     return rows
 
 
-def _loose_columns(unsteady: Unsteady) -> dict[str, Row]:
+def _loose_columns(unsteady: Unsteady) -> dict[str, ReceiversRow]:
     """Columns of each receiver that came loose or slid, by segment: the largest of its moves."""
-    columns = {}
+    columns: dict[str, ReceiversRow] = {}
     for receiver in sorted(unsteady.displaced.loose, key=lambda loose: loose.shift_mm + loose.turn_deg):
-        row: Row = {
+        row: ReceiversRow = {
             "loose_kind": SLIDE if receiver.slid else STEP,
             "loose_from_frame": receiver.start.frame,
             "loose_until_frame": receiver.end.frame,
@@ -162,21 +170,21 @@ def _loose_columns(unsteady: Unsteady) -> dict[str, Row]:
     return columns
 
 
-def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
+def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
     """Columns of each receiver that came near to what disturbs the field, by segment."""
     field = unsteady.displaced.field
     if field is None:
         return {}
     source_mm = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
-    columns = {}
+    columns: dict[str, ReceiversRow] = {}
     for segment, error in unsteady.field_errors.items():
-        row: Row = {
+        row: ReceiversRow = {
             "loose_kind": FIELD,
             "loose_shift_mm": float(np.linalg.norm(error[:3])),
             "loose_turn_deg": float(np.degrees(np.linalg.norm(error[3:]))),
             "left_out_share": unsteady.left_out.get(segment, 0.0),
-            **vector_columns("field_", source_mm, "_mm"),
         }
+        row |= vector_columns("field_", source_mm, "_mm")
         position = ", ".join(f"{coordinate:.0f}" for coordinate in source_mm.tolist())
         message = (
             f"the field is disturbed near ({position}) mm, as by metal: there it is off by "
@@ -186,9 +194,11 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
     return columns
 
 
-def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]) -> list[Row]:
-    """Rows of moved_receivers of one recording, a receiver each: the first of its moves, as far as all go."""
-    rows = []
+def moved_rows(
+    layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]
+) -> list[MovedReceiversRow]:
+    """Rows of moved_receivers of one recording, one per receiver: start of its first move, sum of all."""
+    rows: list[MovedReceiversRow] = []
     for segment in dict.fromkeys(receiver.segment for receiver in moved):
         moves = [receiver for receiver in moved if receiver.segment == segment]
         start, step = moves[0].start, np.sum([move.step for move in moves], axis=0)
@@ -230,7 +240,7 @@ def _moment(moment: Moment) -> str:
     return f"{moment.time_s:.1f} s" if np.isfinite(moment.time_s) else f"frame {moment.frame}"
 
 
-def _left_out(row: Row) -> str:
+def _left_out(row: ReceiversRow) -> str:
     if row["left_out_share"]:
         return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
     return "all of its frames were used, as no joint centre is the worse for it"

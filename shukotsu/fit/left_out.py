@@ -18,14 +18,15 @@ from shukotsu.hand.rotations import Array
 from shukotsu.tables.poses import Poses, RecordingName
 
 SAME_PLACE = (1.5, float(np.radians(3.0)))
-"""mm and rad within which a receiver still sits where it sat, as skin goes."""
+"""mm and rad within which an offset counts as skin motion, not as a displacement."""
 
 FELT_ERROR, HARMFUL_ERROR = (2.0, float(np.radians(4.0))), (4.0, float(np.radians(8.0)))
 """mm and rad by which a disturbed field must be off for a receiver to be in it, and for a frame to be better
-left out: what is off by less still says more than nothing."""
+left out: poses that are off by less still carry information."""
 
 MOST_LEFT_OUT = 0.5
-"""Share of a receiver's frames: where metal was near for longer, what is left shows no hand either."""
+"""Largest share of a receiver's frames that may be left out: with metal near for longer, the rest does not
+determine the hand either."""
 
 ELSEWHERE_SD = 1.0
 """Sd of a centre by which it must move, when frames are left out, for them to be worth leaving out: then what

@@ -10,19 +10,23 @@ On paper: docs/whole-hand.md, section 8.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shukotsu.fit.posterior import Evidence
 
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import LengthPullsRow
+
 LEAST_SHARE = 0.01
 """Share of a length's sd that an unknown pulls by at least, to have a row."""
 
 
-def pull_rows(evidence: Evidence) -> list[dict[str, Any]]:
+def pull_rows(evidence: Evidence) -> list[LengthPullsRow]:
     """Rows of length_pulls, by the hand's own recordings alone; none of a bone that a calliper measured."""
-    rows, alone, unknowns = [], evidence.alone, evidence.model.unknowns
+    rows: list[LengthPullsRow] = []
+    alone, unknowns = evidence.alone, evidence.model.unknowns
     for bone, amount in evidence.model.length.items():
         row = amount.row(len(alone.x))
         mm, sd_mm = alone.of_amount(amount)

@@ -47,11 +47,11 @@ tendons of the hand half as far again, and that over the thenar muscles bulges a
 and with whatever it rests on."""
 
 SWALLOWED_SD = 4.5
-"""A skin so far from what is published is no hand's: 3.4 is the most with twice the usual skin artefact,
-8.9 the least where the skin of the fit made up for a receiver that had come loose."""
+"""Skin motion that is implausible for a hand, over published values: 3.4 is the most with twice the usual
+skin artefact, 8.9 the least where the skin of the fit made up for a receiver that had come loose."""
 
 SKIN, STIFF = ("slide", "tilt", "joint slide"), 100.0
-"""Families of unknowns that could, and the precision at which they cannot."""
+"""Families of unknowns that could absorb a displacement, and the precision that prevents it."""
 
 _DENSE_FRAMES = 200
 _BARE_STEPS = 10
@@ -321,7 +321,7 @@ def _refine(
 
 
 def _add_displacement(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
-    """The displacements and one more; what is left of one that was already known is added to it."""
+    """The displacements with another one added; a remainder of a known displacement is merged into it."""
     for i, earlier in enumerate(displaced):
         if (
             earlier.receiver == new.receiver

@@ -18,13 +18,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Float
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.operations import Branch, Index, Reached
 from shukotsu.hand.average_hand import prior
 from shukotsu.hand.rotations import Array, exp_rotation
 
 _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
-"""Times the median distance from the middle beyond which a place is none of the hand's: a flip, a spike."""
+"""Multiple of the median distance from the centre beyond which a position is an outlier (a flip, a spike)."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class Residuals:
     frame_cost: Array
 
 
-def axial_vector(rotation: Array) -> Array:
+def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
     """Twice the axis times the sine of the angle, (..., 3), of rotation matrices (..., 3, 3)."""
     return np.stack(
         [
@@ -197,7 +198,7 @@ def axial_vector(rotation: Array) -> Array:
     )
 
 
-def log_rotation(rotation: Array) -> Array:
+def log_rotation(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
     """Rotation vectors (..., 3) of rotation matrices, accurate for small ones, fit up to nearly pi."""
     v = axial_vector(rotation) / 2
     sine = np.linalg.norm(v, axis=-1)

@@ -14,11 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Index as Index
 from shukotsu.hand.rotations import Array, cross
 
-Index = npt.NDArray[np.int64]
 NOTHING: Array = np.empty(0)
 
 
@@ -57,7 +56,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Side:
-    """A side branch: what follows it starts where it starts."""
+    """A side branch: the steps after it continue from where it starts."""
 
     steps: tuple[Step, ...]
 
@@ -98,7 +97,7 @@ class Branch:
         for mark, before in enumerate(upstream.values()):
             self.upstream[mark, before] = True
         axes = np.array([operation.axis for operation in operations]).reshape(-1, 3)
-        self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is a x -e_i, read backwards
+        self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is (a x -e_i)^T = (e_i x a)^T
         self._square = self._cross @ self._cross
         self._constant = np.array([operation.constant for operation in operations])
         self._set_terms(
@@ -168,7 +167,7 @@ class Branch:
         return np.asarray(by_state)
 
     def reach(self, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
-        """Go through the chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
+        """Evaluate the chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
         states = y[:, self.states]
         steady = self._constant + self._by_unknown @ x[self.unknowns]
         amount = steady[:, None] + self.per_state(x) @ states.T

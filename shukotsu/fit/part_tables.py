@@ -73,7 +73,7 @@ def parts_of(plan: SubjectPlan, hand: str | None, model: str | None) -> list[Par
 
 
 def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> list[PartsWriter]:
-    """Return the tables into which goes why the skeleton cannot be fitted; the others get no row here.
+    """Return the tables that record why the skeleton cannot be fitted; the others stay empty.
 
     Of a hand without a usable recording the study's problems are those of recordings, which say it all.
     """
@@ -109,7 +109,7 @@ def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter],
                     tables[name].columns(part, columns)
                 continue
             only_calibrates, moved = recording.role == "calibration", []
-            # what is declared of a suspect recording is settled first; the fit has looked at its calibration
+            # a suspect recording's declarations come first; the fit has checked its own calibration
             if not only_calibrates and recording not in plan.suspect:
                 moved = moved_in(tips.fit, read_thinned(path, layout.measured))
             tables["moved_receivers"].rows(part, moved_rows(layout, recording_name(path), moved))

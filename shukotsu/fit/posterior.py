@@ -56,7 +56,7 @@ class Posterior:
 class Evidence:
     """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad.
 
-    alone : the posterior before the other hand and touches had a say.
+    alone : the posterior before conditioning on the other hand and on touches.
     """
 
     layout: Layout
@@ -86,7 +86,7 @@ class Place:
         return self.R.T @ arm, self.R.T @ moved
 
     def carrying(self, point_mm: Array, by_x: Array) -> Place:
-        """A point that rides on this frame, where `point_mm` (3,) puts it; by_x (3, G) : its derivative."""
+        """A point fixed in this frame at `point_mm` (3,); by_x (3, G) : its derivative."""
         arm = self.R @ point_mm
         moved = self.moved + cross(self.turned.T, arm).T + self.R @ by_x
         return Place(self.R, self.t + arm, moved, self.turned)

@@ -22,7 +22,7 @@ from shukotsu.study.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSET
 from shukotsu.translation import listed
 
 STRANGE_SD = 5.0
-"""A hand so far from the usual is rather wrong units, swapped receivers, or a receiver far off its bone."""
+"""Distance from the average hand that indicates wrong units, or a receiver swapped or off its bone."""
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -
 
 
 def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
-    """List the doubts about a joint's centre beside its numbers, by kind; of the whole hand first."""
+    """List the doubts about a joint's centre that its numbers do not show, by kind; the hand's first."""
     off = np.abs(evidence.posterior.x) * np.sqrt(evidence.problem.precision)
     strangest, receivers = int(np.argmax(off)), evidence.model.receivers
     sides = (joint.parent_receiver, joint.child)

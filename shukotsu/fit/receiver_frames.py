@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.arrays import Float, Int, Integers
 from shukotsu.fit.normal_equations import Frames
 from shukotsu.fit.operations import Index
 from shukotsu.hand.rotations import Array, matrix
@@ -18,10 +19,10 @@ from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 
 FINGER_MM = 80.0
-"""A distance that changes by so much says as much of a posture as a turn by a radian does (ours)."""
+"""Change of a distance that counts as much as a rotation by one radian (our choice)."""
 
 MOST_CANDIDATES = 1500
-"""More neighbouring frames than this are the same posture again."""
+"""Most candidates; neighbouring frames beyond this number repeat the same postures."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Convention:
         return cls(tuple(receivers), receiver_axes(layout, tuple(receivers)), hand == "left")
 
     def frames(self, poses: Poses) -> Frames:
-        """Poses as frames; what is not valid gets harmless numbers."""
+        """Poses as frames; invalid poses are replaced by finite placeholders."""
         index = [poses.index(name) if name in poses.segments else -1 for name in self.receivers]
         worn = np.array(index) >= 0
         quaternion, position = poses.quaternion[:, index], poses.position_mm[:, index]
@@ -111,7 +112,9 @@ def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
     return np.concatenate(features, 1)
 
 
-def spread_frames(postures: Array, n_frames: int) -> tuple[Index, Array]:
+def spread_frames(
+    postures: Float[Array, "T D"], n_frames: int
+) -> tuple[Int[Integers, " n"], Float[Array, " n"]]:
     """Choose frames by farthest point: each next one is the farthest from all before it (Gonzalez 1985).
 
     postures : (T, D) features; begins with the farthest from their mean. Returns rows in the order of time

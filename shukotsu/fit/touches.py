@@ -109,7 +109,7 @@ class _Equation:
 def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
     """Condition fingertips on touches; the result's `fit` has its joints, bones and their covariance then.
 
-    A touch farther from where all else puts it than 1 in 1000 would be is left out, with a sentence in
+    A touch that all other data predict with a probability below 1 in 1000 is left out, with a sentence in
     `refused`. Raises InputError for a digit without a fingertip or an unknown part.
     """
     equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
@@ -167,7 +167,7 @@ def _condition(
     misfits = []
     for i, equation in enumerate(equations):
         rows = slice(3 * i, 3 * i + 3)
-        # what is left of an equation's own noise says how far the others alone would have it
+        # leave-one-out misfit, from the share of its own noise that remains
         left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
         pull = np.linalg.solve(left, off[rows])
         among = float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))
@@ -205,8 +205,8 @@ def _misfit(
 def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
 
-    That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. One person's
-    way of putting pads together repeats itself: all contacts of a finger share the weight of one.
+    That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. A person
+    pinches in the same way each time, so all contacts of a finger share the weight of one.
     """
     fingers = [name for name in tips.digits if name != THUMB]
     if THUMB not in tips.digits or not fingers:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,10 @@ from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses
 
-Rows = Mapping[str, Mapping[str, Any]]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow
+
+Rows = Mapping[str, "JointCentresRow"]
 """Rows of a joint_centres table of one hand and model, by joint."""
 
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from shukotsu.arrays import Float
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array, about_axis, conjugate, matrix, multiply
 
@@ -32,8 +33,12 @@ _LOCKED = 1e-9
 
 
 def joint_angles(
-    parent: Array, child: Array, hand: str, rest: Array | None = None, axes: Array | None = None
-) -> Array:
+    parent: Float[Array, "*#n 4"],
+    child: Float[Array, "*#n 4"],
+    hand: str,
+    rest: Float[Array, " 4"] | None = None,
+    axes: Float[Array, " 4"] | None = None,
+) -> Float[Array, "*n 3"]:
     """Flexion, deviation and axial rotation (..., 3) in degrees of a joint from the poses of its two bones.
 
     Signed as the module says; flexion and rotation within (-180, 180], not unwrapped, deviation within
@@ -68,8 +73,11 @@ def joint_angles(
 
 
 def joint_rotation(
-    angles_deg: Array, hand: str, rest: Array | None = None, axes: Array | None = None
-) -> Array:
+    angles_deg: Float[Array, "*n 3"],
+    hand: str,
+    rest: Float[Array, " 4"] | None = None,
+    axes: Float[Array, " 4"] | None = None,
+) -> Float[Array, "*n 4"]:
     """Child-to-parent unit quaternions (..., 4) of angles (..., 3), the inverse of `joint_angles`.
 
     The child's pose is `multiply(parent, joint_rotation(...))`. hand, rest, axes : as in `joint_angles`.
@@ -84,7 +92,7 @@ def joint_rotation(
     return turn if rest is None else multiply(rest, turn)
 
 
-def mirror_rotations(quaternion: Array) -> Array:
+def mirror_rotations(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
     """Quaternions (..., 4) of one hand as those of the other hand in the mirrored posture.
 
     The mirror is the plane of x and z; x stays distal and z dorsal, so y goes from one side to the other.

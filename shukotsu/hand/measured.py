@@ -17,12 +17,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Bools
 from shukotsu.study.layout import Layout
 from shukotsu.translation import listed
-
-Bools = npt.NDArray[np.bool_]
 
 NOT_MEASURED = "not-measured"
 """Flag of a frame in which no receiver shows a joint, a bone or a tip."""

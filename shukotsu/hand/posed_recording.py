@@ -6,17 +6,17 @@ numbers of every table that has rows frame by frame (joint angles, tips, errors)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, TableError, join_reasons
 from shukotsu.hand.measured import not_measured_text, not_worn
-from shukotsu.hand.posing import Index, Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
-from shukotsu.hand.rotations import Array
+from shukotsu.hand.posing import Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
 from shukotsu.study.findings import moved_finding
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
@@ -76,7 +76,7 @@ class RecordingReader:
     tables: Callable[[str], Path]
     opened: Opened = open_parts
 
-    def rows(self, table: Table) -> list[dict[str, Any]]:
+    def rows(self, table: Table) -> list[Any]:
         """Read the part's rows of a short table."""
         with self.opened(self.tables(table.name), table) as parts:
             return parts.rows(self.part)
@@ -93,7 +93,7 @@ class RecordingReader:
         return read_skeleton(joints, bones, self.layout, self.model, self.part)
 
     @cached_property
-    def moved(self) -> list[Mapping[str, Any]]:
+    def moved(self) -> list[Any]:
         """Rows of moved_receivers of the recording: what sits elsewhere in it than in the calibration."""
         if not self.is_fitted:
             return []

@@ -15,18 +15,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, guess
 from shukotsu.hand.digit_chain import Rows, carried_mm, digit_chain, starts_at_wrist
-from shukotsu.hand.rotations import Array, bone_frame, conjugate, from_matrix, mean_rotation, multiply, rotate
+from shukotsu.hand.rotations import bone_frame, conjugate, from_matrix, mean_rotation, multiply, rotate
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses, RecordingName
 from shukotsu.tables.typed_table import vector_of
-
-Index = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 _LEAST_RANGE_RAD = np.radians(1.0)
 """A joint that turns by less shows no axis."""
@@ -370,7 +367,7 @@ class _Builder:
         for name, segment, pose, length_mm in zip(
             digit.joints, digit.segments, placed[:-1], lengths_mm, strict=True
         ):
-            row = skeleton.joints.get(name, {})
+            row: Mapping[str, Any] = skeleton.joints.get(name, {})
             zero_deg = tuple(row[column] for column in ZERO_COLUMNS if row.get(column) is not None)
             dof = int(row.get("dof", 0))
             joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof, zero_deg=zero_deg)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from shukotsu.arrays import Array, Index
 from shukotsu.errors import join_reasons
 from shukotsu.hand.neutral_bones import bone_angles_deg, to_nail_side
 from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
-from shukotsu.hand.posing import Index, PosedRecording
-from shukotsu.hand.rotations import Array, conjugate, rotate
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import conjugate, rotate
 from shukotsu.study.layout import Digit
 from shukotsu.tables.catalogue import JOINT_ANGLES, POSED_TIPS
 from shukotsu.tables.poses import Poses

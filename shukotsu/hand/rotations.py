@@ -7,14 +7,14 @@ Directions: `rotate(q, v)` and `matrix(q) @ v` take v from the receiver's frame 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from shukotsu.arrays import Array as Array
+from shukotsu.arrays import Float
 
 _TINY = 1e-300
 
 
-def matrix(quaternion: Array) -> Array:
+def matrix(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 3 3"]:
     """Rotation matrices of unit quaternions.
 
     quaternion : array, shape (..., 4), unit (w, x, y, z). Returns shape (..., 3, 3).
@@ -33,7 +33,7 @@ def matrix(quaternion: Array) -> Array:
     return out
 
 
-def from_matrix(rotation: Array) -> Array:
+def from_matrix(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 4"]:
     """Unit quaternions (w >= 0) of rotation matrices.
 
     rotation : array, shape (..., 3, 3). Returns shape (..., 4), (w, x, y, z).
@@ -60,7 +60,7 @@ def from_matrix(rotation: Array) -> Array:
     return np.asarray(np.where(quaternion[..., :1] < 0, -quaternion, quaternion))
 
 
-def multiply(first: Array, second: Array) -> Array:
+def multiply(first: Float[Array, "*#n 4"], second: Float[Array, "*#n 4"]) -> Float[Array, "*n 4"]:
     """Hamilton product, shapes (..., 4): the rotation `second`, then the rotation `first`."""
     aw, ax, ay, az = (first[..., part] for part in range(4))
     bw, bx, by, bz = (second[..., part] for part in range(4))
@@ -73,12 +73,12 @@ def multiply(first: Array, second: Array) -> Array:
     return out
 
 
-def conjugate(quaternion: Array) -> Array:
+def conjugate(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
     """Inverse rotations of unit quaternions, shape (..., 4)."""
     return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
-def rotate(quaternion: Array, vector: Array) -> Array:
+def rotate(quaternion: Float[Array, "*#n 4"], vector: Float[Array, "*#n 3"]) -> Float[Array, "*n 3"]:
     """Vectors (..., 3) rotated by unit quaternions (..., 4); the shapes broadcast."""
     w, x, y, z = (quaternion[..., part] for part in range(4))
     a, b, c = (vector[..., axis] for axis in range(3))
@@ -90,7 +90,7 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     return out
 
 
-def left_matrix(quaternion: Array) -> Array:
+def left_matrix(quaternion: Float[Array, " 4"]) -> Float[Array, "4 4"]:
     """Matrix (4, 4) of a quaternion (4,), so that `left_matrix(q) @ other` is `multiply(q, other)`."""
     w, x, y, z = quaternion
     return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
@@ -103,26 +103,26 @@ def about_axis(axis: Array, angle_rad: Array | float) -> Array:
     return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], -1)
 
 
-def angle(quaternion: Array) -> Array:
+def angle(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
     """Rotation angles in radians, 0 to pi, of unit quaternions (..., 4)."""
     sine = np.linalg.norm(quaternion[..., 1:], axis=-1)
     return np.asarray(2.0 * np.arctan2(sine, np.abs(quaternion[..., 0])))
 
 
-def nearest_rotation(m: Array) -> Array:
+def nearest_rotation(m: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
     """The rotation matrix nearest (Frobenius) to each 3 x 3 matrix, shape (..., 3, 3)."""
     u, _, vt = np.linalg.svd(m)
     u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
     return np.asarray(u @ vt)
 
 
-def unit(vector: Array) -> Array:
+def unit(vector: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
     """Vectors (..., 3) scaled to length one; a zero vector stays zero."""
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     return np.asarray(vector / np.where(length > 0, length, 1.0))
 
 
-def bone_frame(direction: Array, dorsal: Array) -> Array:
+def bone_frame(direction: Float[Array, "*#n 3"], dorsal: Float[Array, "*#n 3"]) -> Float[Array, "*n 3 3"]:
     """Rotation matrices (..., 3, 3) of a bone's frame: x along `direction`, z towards `dorsal`.
 
     Both (..., 3), in the frame that the result turns into; neither zero nor parallel.
@@ -132,7 +132,7 @@ def bone_frame(direction: Array, dorsal: Array) -> Array:
     return np.stack([x, np.cross(z, x), z], -1)
 
 
-def mean_rotation(quaternion: Array) -> Array:
+def mean_rotation(quaternion: Float[Array, "n 4"]) -> Float[Array, " 4"]:
     """The rotation (4,), w >= 0, nearest to all of (N, 4), signs aside; identity of none.
 
     Markley et al. 2007, J Guid Control Dyn 30:1193.
@@ -143,7 +143,7 @@ def mean_rotation(quaternion: Array) -> Array:
     return np.asarray(-mean if mean[0] < 0 else mean)
 
 
-def cross(a: Array, b: Array) -> Array:
+def cross(a: Float[Array, "*#n 3"], b: Float[Array, "*#n 3"]) -> Float[Array, "*n 3"]:
     """Cross product of vectors (..., 3), written out (np.cross is slow)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
@@ -152,7 +152,7 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
-def cross_matrix(vector: Array) -> Array:
+def cross_matrix(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
     """Matrices (..., 3, 3) that give the cross product of vectors (..., 3) with what they multiply."""
     x, y, z = (vector[..., axis] for axis in range(3))
     out = np.zeros((*vector.shape, 3))
@@ -161,7 +161,7 @@ def cross_matrix(vector: Array) -> Array:
     return out
 
 
-def exp_rotation(vector: Array) -> Array:
+def exp_rotation(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     K = cross_matrix(vector)

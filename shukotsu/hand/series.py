@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array, Float
 
 LOW_PERCENT, HIGH_PERCENT = 2.5, 97.5
 
@@ -18,7 +18,7 @@ _FEWEST = 0.25
 """Share of the mean occupancy below which a bin is not raised further: single frames must not rule."""
 
 
-def angle_range(angle: Array, weights: Array | None = None) -> float:
+def angle_range(angle: Float[Array, " T"], weights: Float[Array, " T"] | None = None) -> float:
     """The range of an angle (T,) without gaps, one frame at least, in its own unit.
 
     weights : (T,) positive, how much each frame counts; None for all alike.
@@ -32,7 +32,7 @@ def angle_range(angle: Array, weights: Array | None = None) -> float:
     return float(high - low)
 
 
-def flattening(angle_rad: Array) -> Array:
+def flattening(angle_rad: Float[Array, " n"]) -> Float[Array, " n"]:
     """Weights (N,), of mean 1, that make the histogram of the angles (N,) flat between its outermost 1 %.
 
     Frames beyond belong to the outermost bins and are kept: the extremes say most about the centre.
@@ -48,7 +48,7 @@ def flattening(angle_rad: Array) -> Array:
 _ODD_FACTORS = (1, 3, 5, 9, 15, 25, 45, 75, 225)
 
 
-def effective_samples(series: Array, variance: float, n_frames: int) -> float:
+def effective_samples(series: Float[Array, "B C"], variance: float, n_frames: int) -> float:
     """Number of independent samples among n_frames, from the autocorrelation of a series.
 
     series : (B, C) means over short batches in the order of time; variance : of single frames, summed

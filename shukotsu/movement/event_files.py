@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
-from shukotsu.tables.xdf_streams import NUMBERS, TEXT, Floats, load_stream, read_streams
+from shukotsu.tables.xdf_streams import NUMBERS, TEXT, load_stream, read_streams
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.survey import UNUSABLE, flagged_records, survey_archive
-
-Array = npt.NDArray[np.float64]
 
 FARTHEST_S = 1e11
 """Three thousand years: a time beyond it is a damaged one."""
@@ -40,7 +38,7 @@ class Events:
     duration_s: Array
     value: Array
     sd_s: Array
-    channel: npt.NDArray[np.int64]
+    channel: Integers
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -53,7 +51,7 @@ class Events:
         names = tuple(str(row[0]) for row in whole)
         return cls(source, own_clock, names, time_s, duration_s, value, sd_s, channel.astype(np.int64), notes)
 
-    def named(self, name: str) -> npt.NDArray[np.bool_]:
+    def named(self, name: str) -> Bools:
         """Whether an event has that name, shape (N,)."""
         return np.array([each == name for each in self.names], bool)
 
@@ -99,8 +97,9 @@ def read_midi(path: Path) -> Events:
         else:
             n_others += not message.is_meta
     n_open = sum(map(len, sounding.values()))
-    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] * (n_open > 0)
-    remarks += [f"{n_others} messages that are no notes are left out"] * (n_others > 0)
+    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] if n_open else []
+    if n_others:
+        remarks.append(f"{n_others} messages that are no notes are left out")
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
 
 
@@ -145,7 +144,7 @@ def read_markers(path: Path) -> Events:
     return Events.of("xdf", True, rows, *notes)
 
 
-def _scatter_s(offsets: Floats) -> float:
+def _scatter_s(offsets: Array) -> float:
     """Return the scatter (rms) of clock offsets (N, 2) about a straight line; 0 where there are too few."""
     time_s, offset_s = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)].T
     if len(time_s) < 3 or not np.ptp(time_s) > 0:
@@ -180,7 +179,7 @@ def read_tracker_events(path: Path) -> Events:
 
 
 def _pulses(
-    time_s: Array, flag: Array, of_station: npt.NDArray[np.bool_], name: str, value: float
+    time_s: Array, flag: Array, of_station: Bools, name: str, value: float
 ) -> Iterator[tuple[str, float, float, float, float]]:
     """Rows of events, of a flag (N,) that is negative where none was sent."""
     sent = np.flatnonzero(of_station & (flag >= 0))

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
-from shukotsu.hand.rotations import Array
 from shukotsu.movement.sampling import grid_of
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording

@@ -14,11 +14,11 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.recorded_movement import (
     ANGLES,
@@ -28,7 +28,6 @@ from shukotsu.hand.recorded_movement import (
     read_movement,
     unsolved_joints,
 )
-from shukotsu.hand.rotations import Array
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.movement.events import TimedEvent, cycles_of, events_of, struck_events
 from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, speed
@@ -39,8 +38,10 @@ from shukotsu.study.study import Recording
 from shukotsu.tables.parts import Part, PartsWriter
 from shukotsu.tables.poses import usable_poses
 
-Booleans = npt.NDArray[np.bool_]
-_Ends = tuple[Booleans, Booleans]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import FingertipPathsRow, RangesOfMotionRow
+
+_Ends = tuple[Bools, Bools]
 
 _ENDS_PERCENT = 5.0
 """Share of the frames at either end, %, over which an end's error is averaged."""
@@ -63,12 +64,12 @@ class AngleErrors:
     session_change_sd_deg: Array
 
 
-def angle_range(angle_deg: Array, errors: AngleErrors) -> dict[str, float]:
+def angle_range(angle_deg: Array, errors: AngleErrors) -> RangesOfMotionRow:
     """Return the range of an angle (T,) without gaps, one frame at least: columns of ranges_of_motion."""
     percent = [LOW_PERCENT, 50.0, HIGH_PERCENT, _ENDS_PERCENT, 100.0 - _ENDS_PERCENT]
     low, middle, high, below, above = np.percentile(angle_deg, percent)
     ends = (angle_deg <= below, angle_deg >= above)
-    row = {
+    row: RangesOfMotionRow = {
         "range_deg": float(high - low),
         "low_deg": float(low),
         "high_deg": float(high),
@@ -98,14 +99,12 @@ def _at_ends(sd_deg: Array, ends: _Ends) -> float:
     return float(sum(np.sqrt((sd_deg[at_end] ** 2).mean()) for at_end in ends))
 
 
-def _visits(at_end: Booleans, beyond: Booleans) -> int:
+def _visits(at_end: Bools, beyond: Bools) -> int:
     """Count how often the angle comes to one end from beyond its median; both (T,)."""
     either = at_end | beyond
     there = at_end[either]
     return int(there[0]) + int((there[1:] & ~there[:-1]).sum())
 
-
-Row = dict[str, Any]
 
 LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0
 """Share of a recording's frames, below which a number is weak, and from which it is as of the whole."""
@@ -113,13 +112,14 @@ LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
-def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
+def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[RangesOfMotionRow]:
     """Return the row of ranges_of_motion of an angle.
 
     An angle that a joint lacks beside another that it has is none.
     """
     finite = ~np.isnan(series.angle_deg)
-    row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(finite)
+    row: RangesOfMotionRow = {"joint": series.joint, "angle": series.angle}
+    row["n_frames"], row["valid_percent"] = _coverage(finite)
     if not finite.any():
         if series.angle == "flexion":
             yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
@@ -129,29 +129,30 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
         errors_deg = [series.errors_deg[:, index, 0][finite] for index in range(len(ERRORS))]
     row |= angle_range(series.angle_deg[finite], AngleErrors(*errors_deg))
     if grid is not None:
-        row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
+        speeds = _median_and_p95(_speeds(series.angle_deg[:, None, None], grid))
+        row |= {"speed_median_deg_s": speeds[0], "speed_p95_deg_s": speeds[1]}
     status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
-    yield row | _judge(row, status, series.message, grid)
+    row["status"], row["message"] = _judge(row["valid_percent"], status, series.message, grid)
+    yield row
 
 
-_NOTHING: Row = {"n_frames": 0, "status": "failed"}
-
-
-def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
+def left_out_rows(reasons: Mapping[str, str]) -> Iterator[RangesOfMotionRow]:
     """Rows of ranges_of_motion of joints that a model cannot pose. reasons : why, by joint."""
     for joint, reason in reasons.items():
-        yield {"joint": joint, "angle": "flexion", **_NOTHING, "message": reason}
+        yield {"joint": joint, "angle": "flexion", "n_frames": 0, "status": "failed", "message": reason}
 
 
 def path_rows(
     tips: Mapping[str, FingertipPath], grid: Grid | None, pathless: Mapping[str, str] | None = None
-) -> Iterator[Row]:
+) -> Iterator[FingertipPathsRow]:
     """Rows of fingertip_paths; pathless : digits without a tip, and why."""
     for digit, reason in (pathless or {}).items():
-        yield {"digit": digit, **_NOTHING, "message": reason or "no frame has this fingertip"}
+        message = reason or "no frame has this fingertip"
+        yield {"digit": digit, "n_frames": 0, "status": "failed", "message": message}
     for digit, tip in tips.items():
         finite = np.asarray(np.isfinite(tip.place_mm[..., 0]).all(1))
-        row: Row = {"digit": digit} | _coverage(finite)
+        row: FingertipPathsRow = {"digit": digit}
+        row["n_frames"], row["valid_percent"] = _coverage(finite)
         if not finite.any():
             yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
             continue
@@ -167,36 +168,37 @@ def path_rows(
                 "duration_s": float(moving.sum() * grid.step_s),
                 "path_sd_mm": path_sd_mm,
             }
-            row |= _speed_columns(way, "mm_s")
-        yield row | _judge(row, "weak" if tip.message else "ok", tip.message, grid)
+            median, p95 = _median_and_p95(way)
+            row |= {"speed_median_mm_s": median, "speed_p95_mm_s": p95}
+        status = "weak" if tip.message else "ok"
+        row["status"], row["message"] = _judge(row["valid_percent"], status, tip.message, grid)
+        yield row
 
 
-def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
-    """Count the known frames (T,), and their share of the recording."""
-    return {
-        "n_frames": int(finite.sum()),
-        "valid_percent": 100.0 * float(finite.mean()) if len(finite) else None,
-    }
+def _coverage(finite: Bools) -> tuple[int, float | None]:
+    """Count the known frames (T,), and their percentage of the recording, None without frames."""
+    return int(finite.sum()), 100.0 * float(finite.mean()) if len(finite) else None
 
 
-def _judge(row: Row, status: str, message: str, grid: Grid | None) -> Row:
+def _judge(valid_percent: float, status: str, message: str, grid: Grid | None) -> tuple[str, str]:
     """Status and message of a row that has numbers."""
     reasons = [message] if message else []
-    if row["valid_percent"] < MOST_VALID_PERCENT:
-        reasons = [f"known in {row['valid_percent']:.0f} % of the frames", *reasons]
-    if row["valid_percent"] < LEAST_VALID_PERCENT:
+    if valid_percent < MOST_VALID_PERCENT:
+        reasons = [f"known in {valid_percent:.0f} % of the frames", *reasons]
+    if valid_percent < LEAST_VALID_PERCENT:
         status = "weak"
     if grid is None:
         status, reasons = "weak", [NO_TIMES, *reasons]
-    return {"status": status, "message": "; ".join(reasons)}
+    return status, "; ".join(reasons)
 
 
-def _speed_columns(speeds: Array, unit: str) -> Row:
+def _median_and_p95(speeds: Array) -> tuple[float | None, float | None]:
+    """Median and 95th percentile of speeds (n,); None where all are NaN."""
     finite = speeds[~np.isnan(speeds)]
     if not len(finite):
-        return {}
+        return None, None
     middle, high = np.percentile(finite, [50.0, 95.0])
-    return {f"speed_median_{unit}": float(middle), f"speed_p95_{unit}": float(high)}
+    return float(middle), float(high)
 
 
 def _speeds(columns: Array, grid: Grid) -> Array:
@@ -245,7 +247,7 @@ def _measure_recording(
     """Write the rows of one recording."""
     reader = recording_reader(plan, recording, part.model)
 
-    def write(name: str, rows: Iterable[dict[str, Any]]) -> None:
+    def write(name: str, rows: Iterable[Mapping[str, Any]]) -> None:
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
 
     if reasons := unsolved_joints(reader):

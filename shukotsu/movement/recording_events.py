@@ -7,27 +7,23 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu import command_line
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, guess, list_names, reading_what_was_brought
-from shukotsu.movement.event_files import (
-    FARTHEST_S,
-    Array,
-    Events,
-    read_markers,
-    read_midi,
-    read_tracker_events,
-)
+from shukotsu.movement.event_files import FARTHEST_S, Events, read_markers, read_midi, read_tracker_events
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import recording_name, usable_poses
 from shukotsu.tables.typed_table import open_table, read_metadata
 from shukotsu.tables.whole_files import file_sha256
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import ClocksRow, EventsRow
 
 READERS = {
     (".mid", ".midi", ".smf"): read_midi,
@@ -43,7 +39,8 @@ MOST_PULSES = 200_000
 """What an hour has at 55 Hz, far more than can be told apart."""
 
 _TRACKER_ENDING = ".arrows"
-_COUNTS = ("n_pulses", "n_missing", "n_extra")
+
+_NO_CLOCK: ClocksRow = {"status": "failed", "n_pulses": 0, "n_missing": 0, "n_extra": 0}
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class RecordingEvents:
     rows: Sequence[Mapping[str, Any]] = ()
     key: Mapping[str, str] = field(default_factory=dict)
 
-    def aligned(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    def aligned(self) -> tuple[list[EventsRow], list[ClocksRow]]:
         """Return the rows of events, in order of time, and of clocks, both without what names the recording.
 
         Raises InputError where the file cannot be read or nothing says how its clock is to be brought over.
@@ -74,7 +71,8 @@ class RecordingEvents:
             for row in self.rows
         )
         sheet = Events.of("sheet", False, sheet_rows)
-        rows, clocks = _event_rows(sheet, sheet.time_s, sheet.sd_s), []
+        rows = _event_rows(sheet, sheet.time_s, sheet.sd_s)
+        clocks: list[ClocksRow] = []
         if self.file is not None:
             events = read_events(self.file)
             on_its_own = events.own_clock and self.pulses != SAME_CLOCK
@@ -86,9 +84,16 @@ class RecordingEvents:
             else:
                 time_s, sd_s = events.time_s, events.sd_s
                 declared = events.own_clock and self.pulses == SAME_CLOCK
-                clock = {"scale_ppm": 0.0, "offset_s": 0.0, "status": "ok"} | dict.fromkeys(_COUNTS, 0)
-                clock["message"] = "declared to be the recording's own clock" if declared else ""
-                clock["clock_sd_ms"] = 1e3 * float(sd_s.max()) if (sd_s > 0).any() else None
+                clock = {
+                    "scale_ppm": 0.0,
+                    "offset_s": 0.0,
+                    "status": "ok",
+                    "message": "declared to be the recording's own clock" if declared else "",
+                    "clock_sd_ms": 1e3 * float(sd_s.max()) if (sd_s > 0).any() else None,
+                    "n_pulses": 0,
+                    "n_missing": 0,
+                    "n_extra": 0,
+                }
             if clock["status"] != "failed":
                 rows += _event_rows(events, time_s, sd_s)
                 clock = self._with_notes(clock, events, time_s)
@@ -96,7 +101,7 @@ class RecordingEvents:
         rows.sort(key=lambda row: row["onset_s"])
         return [{**row, "event": number} for number, row in enumerate(rows)], clocks
 
-    def _fitted(self, events: Events, sheet: Events) -> tuple[Array, Array, dict[str, Any]]:
+    def _fitted(self, events: Events, sheet: Events) -> tuple[Array, Array, ClocksRow]:
         """Times of the events on the recording's clock, their 1-sigma errors, and the row of that clock."""
         if not self.pulses:
             raise InputError(
@@ -114,19 +119,20 @@ class RecordingEvents:
             )
         fit = fit_clock(np.sort(self._reference_s(sheet, name, other)), events.time_s[pulses])
         if isinstance(fit, str):
-            failed = {"status": "failed", "message": f"{self.file}: {fit}"}
-            return events.time_s, events.sd_s, failed | dict.fromkeys(_COUNTS, 0)
+            return events.time_s, events.sd_s, {**_NO_CLOCK, "message": f"{self.file}: {fit}"}
         return *fit.mapped(events.time_s), {
             "scale_ppm": fit.line.rate * 1e6,
             "offset_s": float(fit.line(np.zeros(1))[0]),
             "residual_ms": 1e3 * fit.residual_s,
             "clock_sd_ms": 1e3 * fit.clock_sd_s,
-            **{name: getattr(fit, name) for name in _COUNTS},
+            "n_pulses": fit.n_pulses,
+            "n_missing": fit.n_missing,
+            "n_extra": fit.n_extra,
             "status": "weak" if fit.message else "ok",
             "message": fit.message,
         }
 
-    def _with_notes(self, clock: dict[str, Any], events: Events, time_s: Array) -> dict[str, Any]:
+    def _with_notes(self, clock: ClocksRow, events: Events, time_s: Array) -> ClocksRow:
         """The row with the reader's notes; weak where every event lies outside the recording."""
         with open_table(self.poses, POSES) as file:  # the table's footer has the ends
             of_groups = (file.ends(group, "time_s", with_nulls=True) for group in range(len(file.group_rows)))
@@ -174,7 +180,7 @@ def read_events(path: Path) -> Events:
     raise InputError(f"{path}: is no file of events; {guess(path.suffix, expected)}")
 
 
-def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[dict[str, Any]]:
+def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[EventsRow]:
     """Rows of events; an sd of 0 is not known."""
     return [
         {
@@ -217,24 +223,21 @@ def recording_alone(
 
 def aligned_rows(
     arguments: Namespace, recording: RecordingEvents
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+) -> tuple[list[Mapping[str, object]], list[Mapping[str, object]]]:
     """Return a recording's rows of events and clocks; with --record-failure why there are none."""
-    event_rows: list[dict[str, Any]] = []
-    clock_rows: list[dict[str, Any]] = []
+    event_rows: list[EventsRow] = []
+    clock_rows: list[ClocksRow] = []
     key = recording.key
     with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         event_rows, clock_rows = recording.aligned()
     for message in messages:
-        failed = {"source": "", "n_pulses": 0, "n_missing": 0, "n_extra": 0}
-        clock_rows = [{**failed, "status": "failed", "message": message}]
+        clock_rows = [{**_NO_CLOCK, "source": "", "message": message}]
     for row in clock_rows:
         if row["message"]:
             where = ", ".join(filter(None, (key["hand"], key["task"], key["trial"])))
             print(f"{row['status']}: {where}: {row['message']}", file=sys.stderr)
     return [{**key, **row} for row in event_rows], [{**key, **row} for row in clock_rows]
 
-
-Integers = npt.NDArray[np.int64]
 
 TOLERANCE_S, SHORTEST_TOLERANCE_S = 0.05, 0.001
 """How far two pulses that are the same may lie from the line: a quarter of their usual interval where that is

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.ndimage import correlate1d
 from scipy.signal import savgol_coeffs
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array, Float
 from shukotsu.tables.device_clock import device_clock, without_packets
 
 MOST_GAP_S = 0.05
@@ -80,7 +80,9 @@ def grid_of(time_s: Array) -> Grid | None:
     return Grid(positions, int(positions[-1]) + 1, step_s)
 
 
-def bridge_gaps(values: Array, step_s: float, most_s: float = MOST_GAP_S) -> Array:
+def bridge_gaps(
+    values: Float[Array, "T C"], step_s: float, most_s: float = MOST_GAP_S
+) -> Float[Array, "T C"]:
     """Series (T, C) with gaps of at most most_s filled by straight lines; longer ones stay NaN.
 
     A gap before a series' first value or after its last stays, too.
@@ -116,7 +118,7 @@ def half_width(step_s: float) -> int:
     return max(1, width - 1)
 
 
-def velocity(values: Array, step_s: float) -> Array:
+def velocity(values: Float[Array, "T C"], step_s: float) -> Float[Array, "T C"]:
     """Rate of change (T, C) per second of series (T, C) on an even grid; NaN beside gaps and at the ends."""
     width = half_width(step_s)
     if len(values) <= 2 * width:
@@ -126,7 +128,7 @@ def velocity(values: Array, step_s: float) -> Array:
     return slope
 
 
-def velocity_noise_sd(values: Array, step_s: float) -> Array:
+def velocity_noise_sd(values: Float[Array, "T C"], step_s: float) -> Float[Array, " C"]:
     """1-sigma error (C,) that white noise of the series (T, C) leaves in `velocity`; NaN of an empty one.
 
     The noise is told from third differences, which motion below the cut-off hardly has: their median size,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -21,7 +21,8 @@ from shukotsu.hand.rotations import Array, rotate, unit
 from shukotsu.movement.events import StruckEvent
 from shukotsu.movement.sampling import bridge_gaps, grid_of
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import EventStrokesRow
 
 BACK_S, AHEAD_S = 0.35, 0.15
 """How much of a recording before and after an event belongs to a stroke at most."""
@@ -77,7 +78,7 @@ class _Corner:
     noise_mm: float
 
 
-def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> Iterator[Row]:
+def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> Iterator[EventStrokesRow]:
     """Rows of event_strokes, one an event."""
     digits = list(movement.fingertips)
     timed = np.flatnonzero(np.isfinite(movement.time_s))
@@ -94,8 +95,9 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
     ]
     down = _way_down([loss for loss in losses if loss is not None])
     for event, window, loss in zip(events, windows, losses, strict=True):
-        row: Row = {name: event.row[name] for name in ("event", "name", "onset_s", "onset_sd_ms")}
-        row |= {"digit": "", "used": False, "status": "failed"}
+        row: EventStrokesRow = {"digit": "", "used": False, "status": "failed"}
+        named: Any = {name: event.row[name] for name in ("event", "name", "onset_s", "onset_sd_ms")}
+        row |= named
         if window is None or loss is None:
             yield row | {"message": event.refusal or missing}
         else:
@@ -159,7 +161,7 @@ def _stroke(
     losses: tuple[Array, Array, Array],
     digits: Sequence[str],
     down: Array,
-) -> Row:
+) -> EventStrokesRow:
     """Measure an event by the digit that made it."""
     time_s, before, after = losses
     fall = np.nan_to_num(before @ down - np.abs(after @ down), nan=-np.inf)
@@ -169,7 +171,7 @@ def _stroke(
         return {"message": f"the tip of the {event.digit} is not known here"}
     if not event.digit and not most[digit] >= LEAST_FALL_MM_S:
         return {"message": "no digit of this hand went down: another hand's, or no stroke"}
-    row: Row = {"digit": digits[digit]}
+    row: EventStrokesRow = {"digit": digits[digit]}
     measured = _measure_stroke(window, digit, float(time_s[best[digit]]), down)
     if measured is None:
         return row | {"message": "the fingertip has no way down here: it did not move, or poses are missing"}
@@ -184,7 +186,7 @@ def _stroke(
     return row | measured | {"used": not message, "status": "weak" if message else "ok", "message": message}
 
 
-def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) -> Row | None:
+def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) -> EventStrokesRow | None:
     """Measure a stroke's way down to its contact; None without one."""
     time_s, tip = window.time_s, window.tips_mm[:, digit]
     path = np.concatenate([tip, window.pointing[:, digit]], -1)

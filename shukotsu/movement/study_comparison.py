@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -45,6 +45,9 @@ from shukotsu.tables.catalogue import (
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
 from shukotsu.translation import tr
 
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import MovementDifferencesRow, MovementReliabilityRow
+
 
 @dataclass(frozen=True)
 class ComparedColumn:
@@ -71,8 +74,6 @@ QUANTITIES = (
     ),
 )
 
-
-Row = dict[str, Any]
 
 RECORDING = ["subject", "session", "hand", "task", "trial"]
 SUSPECT = "suspect"
@@ -256,7 +257,7 @@ SHOWN, NOT_SHOWN = "shown", "not-shown"
 
 def difference_rows(
     quantity: ComparedColumn, numbers: pd.DataFrame, pairs: Sequence[LevelPair]
-) -> Iterator[Row]:
+) -> Iterator[MovementDifferencesRow]:
     """Rows of movement_differences for one quantity, over all pairs of levels, but for what `judge` adds.
 
     numbers : as `numbers_of` gives them.
@@ -266,7 +267,7 @@ def difference_rows(
         wide = subject_means(numbers, factor, [*columns, "model", "of"]).unstack("level", sort=False)
         families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
         for pair in of_factor:
-            where = {"hand": "", "task": "", **pair.where, "factor": factor, "quantity": quantity.name}
+            where: Any = {"hand": "", "task": "", **pair.where, "factor": factor, "quantity": quantity.name}
             where |= {"level": pair.level, "other_level": pair.other, "design": pair.design}
             for key, family in families.items():
                 if key[:-1] != tuple(pair.where.values()):
@@ -278,11 +279,11 @@ def difference_rows(
                     yield row | _difference_row(values, pair)
 
 
-def judge(rows: Sequence[Row]) -> None:
+def judge(rows: Sequence[MovementDifferencesRow]) -> None:
     """Correct every row's p by Holm over all of its pair of levels and model, and say what is shown."""
-    families: dict[tuple[str, ...], list[Row]] = {}
+    families: dict[tuple[str, ...], list[MovementDifferencesRow]] = {}
     for row in rows:
-        key = tuple(row[name] for name in ("factor", "level", "other_level", "model"))
+        key = row["factor"], row["level"], row["other_level"], row["model"]
         families.setdefault(key, []).append(row)
     for family in families.values():
         for row, p_holm in zip(family, holm([row["p"] for row in family]), strict=True):
@@ -290,7 +291,7 @@ def judge(rows: Sequence[Row]) -> None:
             row["verdict"] = "" if p_holm is None else SHOWN if p_holm <= LEVEL else NOT_SHOWN
 
 
-def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
+def _difference_row(values: pd.DataFrame, pair: LevelPair) -> MovementDifferencesRow:
     """Return one comparison. values : a row a subject, a column a level, NaN where there is none."""
     first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
     other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
@@ -300,7 +301,13 @@ def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
         first, other = first[both], other[both]
     n, m = len(first), len(other)
     n_left_out, reason = pair.left_out({*first.index, *other.index})
-    row: Row = {"n": n, "n_other": m, "left_out": n_left_out, "left_out_reason": reason, "message": ""}
+    row: MovementDifferencesRow = {
+        "n": n,
+        "n_other": m,
+        "left_out": n_left_out,
+        "left_out_reason": reason,
+        "message": "",
+    }
     if n and m:
         row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
         row |= {"sd": float(first.std()), "other_sd": float(other.std())}
@@ -346,7 +353,7 @@ CELL = ["hand", "task", "model", "of"]
 
 def reliability_rows(
     quantity: ComparedColumn, numbers: pd.DataFrame, everything: RecordingLevels
-) -> Iterator[Row]:
+) -> Iterator[MovementReliabilityRow]:
     """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
     reasons = _reasons(everything)
     keys = ["subject", "hand", "task"]
@@ -358,7 +365,7 @@ def reliability_rows(
         means = measured.groupby([*CELL, "subject", across], sort=False)["value"].mean()
         wide = means.unstack(across, sort=False)
         for key, cell in wide.groupby(CELL, sort=False):
-            where = dict(zip(CELL, key, strict=True)) | {"across": across}
+            where: Any = dict(zip(CELL, key, strict=True)) | {"across": across}
             present = set(cell.index.get_level_values("subject"))
             expected = reasons[where["hand"], where["task"]].items()
             absent = {subject: reason for subject, reason in expected if subject not in present}
@@ -382,7 +389,7 @@ def _reasons(everything: RecordingLevels) -> dict[tuple[str, str], dict[str, str
     }
 
 
-def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
+def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> MovementReliabilityRow:
     """Return one number's row, empty where nothing repeats. values : a row a subject, a column a session."""
     shared = values.columns[values.notna().sum() * 2 >= len(values)]
     if values.notna().sum(axis=1).max() < 2:
@@ -393,7 +400,7 @@ def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
     by_reason: dict[str, list[str]] = {}
     for subject, reason in reasons.items():
         by_reason.setdefault(reason, []).append(subject)
-    row: Row = {
+    row: MovementReliabilityRow = {
         "n": len(complete),
         "k": len(shared),
         "left_out": len(reasons),
@@ -409,9 +416,11 @@ def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
         "icc_3_1": (result.consistency.value, result.consistency.interval),
         "sem": (result.sem, result.sem_interval),
     }
+    numbers: Any = {"mdc": result.mdc}
     for name, (value, (low, high)) in intervals.items():
-        row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-    return row | {"mdc": result.mdc}
+        numbers |= {name: value, f"{name}_low": low, f"{name}_high": high}
+    row |= numbers
+    return row
 
 
 TABLES = {quantity.table.name: quantity.table for quantity in QUANTITIES}
@@ -429,8 +438,8 @@ def compare_study(
     everything = mark_suspect(levels, factors, problems)
     inputs = [results.study_table(name) for name in (PROBLEMS.name, *TABLES)]
     provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
-    differences: list[Row] = []
-    reliabilities: list[Row] = []
+    differences: list[MovementDifferencesRow] = []
+    reliabilities: list[MovementReliabilityRow] = []
     pairs = list(level_pairs(everything))
     for quantity, numbers in _numbers(results, everything):
         differences += difference_rows(quantity, numbers, pairs)

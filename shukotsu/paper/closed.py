@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.hand.series import angle_range, effective_samples, flattening
 from shukotsu.paper.moments import JointMoments
 from shukotsu.paper.stacked import EXACT_HINGE

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, segment_quaternions
 from shukotsu.hand.measured import not_measured_text, not_worn
-from shukotsu.hand.rotations import Array, about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
+from shukotsu.hand.rotations import about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
 from shukotsu.paper.posture import Posture, Reference, estimate_posture
 from shukotsu.paper.wrist import wrist_row
 from shukotsu.study.layout import Layout
@@ -40,6 +40,9 @@ from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER,
 from shukotsu.tables.parts import Part, PartsWriter, open_parts, read_part
 from shukotsu.tables.poses import Poses, PosesReader, poses_reader, seen_segments, usable_poses
 from shukotsu.tables.typed_table import rows_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
 
 LENGTHS = ("starts_at", "ends_at", "length_mm", "sd_mm")
 """Columns of a bone for which the whole-hand fit takes precedence over the replay."""
@@ -76,7 +79,7 @@ class Bone:
     vector_mm: Array | None
     driven_by: str
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> BoneLengthsRow:
         """Row of the bone_lengths table, without subject, hand, model and digit."""
         vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
         return {
@@ -86,7 +89,9 @@ class Bone:
             "length_mm": self.length_mm,
             "sd_mm": self.sd_mm,
             "sd_over_frames_mm": self.sd_over_frames_mm,
-            **dict(zip(("x_mm", "y_mm", "z_mm"), vector, strict=True)),
+            "x_mm": vector[0],
+            "y_mm": vector[1],
+            "z_mm": vector[2],
             "driven_by": self.driven_by,
             "message": "",
         }
@@ -213,9 +218,6 @@ def _half(rows: Rows, joint: str, side: str) -> Array:
         return np.zeros((3, 3))
     whole = np.reshape(covariance, (6, 6))
     return np.asarray(whole[:3, :3] if side == "parent" else whole[3:, 3:])
-
-
-Bools = npt.NDArray[np.bool_]
 
 
 def metacarpal_columns(
@@ -392,12 +394,6 @@ def _flags(gap: Bools, twist_singular: Bools, swing_singular: Bools) -> pa.Array
     return _FLAG_TEXTS.take(pa.array(code))
 
 
-Row = dict[str, Any]
-Index = npt.NDArray[np.int64]
-
-_OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
-"""Columns that only the joint-wise solution has."""
-
 _KEPT_OF_FAILED = (
     *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
 )
@@ -408,8 +404,8 @@ _KEPT_OF_FAILED = (
 class BuiltHand:
     """Rows of joint_centres and bone_lengths, and the digits whose metacarpal is posed."""
 
-    joints: list[Row]
-    bones: list[Row]
+    joints: list[JointCentresRow]
+    bones: list[BoneLengthsRow]
     metacarpals: list[MetacarpalBone]
 
 
@@ -418,7 +414,7 @@ def build_hand(
     layout: Layout,
     model: SkeletonModel,
     calibration: PosesReader,
-    fitted_bones: Rows | None = None,
+    fitted_bones: Mapping[str, BoneLengthsRow] | None = None,
 ) -> BuiltHand:
     """Assemble a hand: add the wrist point to its joints and measure its bones.
 
@@ -439,32 +435,33 @@ def build_hand(
         A digit with a failed joint has bones without lengths and with the reason, except those of the fit.
 
     """
-    joints = {name: dict(row) for name, row in rows.items()}
+    joints = dict(rows)
     wrist = wrist_row(rows, layout, model, calibration)
     if wrist is not None:
-        joints[wrist["joint"]] = {"covariance_mm2": None} | wrist
-    bones: list[Row] = []
+        joints[wrist["joint"]] = {"covariance_mm2": None, **wrist}
+    bones: list[BoneLengthsRow] = []
     metacarpals = []
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, model, joints)
         if isinstance(chain, str):
-            unknown = {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": "", "message": chain}
             for segment in digit.segments:
-                fitted = (fitted_bones or {}).get(segment, {})
-                lengths = {name: fitted[name] for name in LENGTHS if name in fitted}
-                bones.append({"digit": digit.name, "bone": segment, **unknown, **lengths})
+                fitted: Mapping[str, Any] = (fitted_bones or {}).get(segment, {})
+                lengths: Any = {name: fitted[name] for name in LENGTHS if name in fitted}
+                bone: BoneLengthsRow = {"digit": digit.name, "bone": segment, "message": chain}
+                bone |= {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": ""}
+                bone |= lengths
+                bones.append(bone)
             continue
         mode = metacarpal_mode(chain, layout, model)
         measured = digit_bones(chain, mode, joints, layout, calibration)
         if mode != "none":
             metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
         if fitted_bones is not None:
-            measured = [  # lengths from the fit; vectors stay those of the replay
-                replace(bone, **{name: fitted_bones[bone.segment][name] for name in LENGTHS})
-                if bone.segment in fitted_bones
-                else bone
-                for bone in measured
-            ]
+            of_fit: dict[str, Any] = {
+                segment: {name: value for name, value in row.items() if name in LENGTHS}
+                for segment, row in fitted_bones.items()
+            }  # vectors stay those of the replay
+            measured = [replace(bone, **of_fit.get(bone.segment, {})) for bone in measured]
         bones += [{"digit": digit.name, **bone.row()} for bone in measured]
     return BuiltHand(list(joints.values()), bones, metacarpals)
 
@@ -504,30 +501,40 @@ def pose_metacarpals(
 
 
 def merge_fitted(
-    fitted_rows: Sequence[Mapping[str, Any]], projected_rows: Sequence[Mapping[str, Any]]
-) -> list[Row]:
+    fitted_rows: Sequence[JointCentresRow], projected_rows: Sequence[JointCentresRow]
+) -> list[JointCentresRow]:
     """Rows of joint_centres: projected joints, replaced by the fit where it has them, then the fit's other
     joints.
     """
-    fitted = {row["joint"]: dict(row) for row in fitted_rows}
-    projected = {row["joint"]: dict(row) for row in projected_rows}
-    merged = [
-        {**fitted[joint], **{name: row[name] for name in _OF_JOINT_ALONE}} if joint in fitted else row
-        for joint, row in projected.items()
-    ]
-    return [*merged, *(row for joint, row in fitted.items() if joint not in projected)]
+    fitted = {row["joint"]: row for row in fitted_rows}
+    merged: list[JointCentresRow] = []
+    for projected in projected_rows:
+        row = fitted.pop(projected["joint"], None)
+        if row is None:
+            merged.append(projected)
+            continue
+        merged.append(  # with what only the joint-wise solution has
+            {
+                **row,
+                "gap_rms_free_mm": projected["gap_rms_free_mm"],
+                "n_frames": projected["n_frames"],
+                "n_effective": projected["n_effective"],
+            }
+        )
+    return [*merged, *fitted.values()]
 
 
-def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> list[Row]:
+def failed_joints(projected_rows: Sequence[JointCentresRow], message: str) -> list[JointCentresRow]:
     """Rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
-    source = {"source": "fit of the whole hand"}
-    return [_without_numbers({**row, **source}, message) for row in projected_rows]
+    return [_without_numbers({**row, "source": "fit of the whole hand"}, message) for row in projected_rows]
 
 
-def _without_numbers(row: Mapping[str, Any], message: str) -> Row:
+def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
     """A row of joint_centres of a joint that failed."""
-    kept = {name: row[name] for name in _KEPT_OF_FAILED if name in row}
-    return kept | {**UNJUDGED, "status": "failed", "message": message}
+    kept: Any = {name: value for name, value in row.items() if name in _KEPT_OF_FAILED}
+    failed: JointCentresRow = {"status": "failed", "message": message}
+    failed |= UNJUDGED | kept
+    return failed
 
 
 def judge_hand(
@@ -554,9 +561,12 @@ def judge_hand(
         )
         for row in rows
     }
-    nowhere = {"length_mm": None, "sd_mm": None, "message": "not measured: no receiver on this digit"}
     gone = {name for name, digit in layout.digits.items() if unworn.keys() >= {*digit.joints} & joints.keys()}
-    bones = [bone | nowhere if bone["digit"] in gone else bone for bone in hand.bones]
+    why = "not measured: no receiver on this digit"
+    bones: list[BoneLengthsRow] = [
+        {**bone, "length_mm": None, "sd_mm": None, "message": why} if bone["digit"] in gone else bone
+        for bone in hand.bones
+    ]
     bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in bones]
     return replace(hand, joints=[*joints.values()], bones=bones)
 
@@ -574,7 +584,7 @@ def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, li
     return unworn
 
 
-def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
+def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
     """Doubts, by joint, about neighbouring MCP centres closer to each other than anatomically plausible."""
     knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
     doubts: dict[str, Doubts] = {}
@@ -589,7 +599,7 @@ def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, D
     return doubts
 
 
-def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
+def is_whole(bone: BoneLengthsRow, layout: Layout) -> bool:
     """Whether a row of bone_lengths spans the bone itself, neither starting at the wrist nor ending at a
     receiver.
     """
@@ -648,6 +658,6 @@ def _pose_recording(
             metacarpals.columns(part, {**keys, **columns})
 
 
-def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
+def _by(key: str, rows: Any) -> Any:
     """Rows by the value of a column."""
     return {row[key]: row for row in rows}

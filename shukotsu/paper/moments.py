@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Bool, Bools, Float, Int, Integers
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
@@ -78,11 +79,11 @@ class RelativePoses:
 
 
 def relative_poses(
-    quaternion: Array,
-    position_mm: Array,
-    valid: npt.NDArray[np.bool_],
-    parents: npt.NDArray[np.int64],
-    children: npt.NDArray[np.int64],
+    quaternion: Float[Array, "T S 4"],
+    position_mm: Float[Array, "T S 3"],
+    valid: Bool[Bools, "T S"],
+    parents: Int[Integers, " J"],
+    children: Int[Integers, " J"],
 ) -> RelativePoses:
     """Poses of child receivers relative to their parents, R = R_a^T R_b and d = R_a^T (t_b - t_a) of Eq. 3.
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import Poses, frame_count, pose_blocks, read_poses, usable_poses
 from shukotsu.tables.typed_table import vector_columns
 from shukotsu.translation import listed
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointSolutionsRow
 
 
 @dataclass(frozen=True)
@@ -141,20 +144,6 @@ def _reason(joint: Joint, seen: Mapping[str, bool], n_frames: int) -> str:
     return "the joint did not move, so its centre cannot be found; record it moving"
 
 
-Row = dict[str, Any]
-
-_SCALARS = (
-    "gap_rms_mm",
-    "gap_rms_free_mm",
-    "slide_to_free_mm",
-    "range_deg",
-    "spread_deg",
-    "axis_sd_deg",
-    "n_frames",
-    "n_effective",
-)
-
-
 @dataclass(frozen=True)
 class PartRequest:
     """Request for one part of the table: a hand's calibration recordings and a solver's settings."""
@@ -165,7 +154,7 @@ class PartRequest:
     settings: JointSolving
 
 
-def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Exception]:
+def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[JointSolutionsRow] | Exception]:
     """Solve all requested parts; every recording is read and every solver run once for each hand.
 
     Parameters
@@ -188,7 +177,7 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Excep
     groups: dict[tuple[str, tuple[Path, ...]], list[PartRequest]] = {}
     for request in requests:
         groups.setdefault((request.part.hand, request.poses), []).append(request)
-    outcomes: dict[Part, list[Row] | Exception] = {}
+    outcomes: dict[Part, list[JointSolutionsRow] | Exception] = {}
     for group in groups.values():
         try:
             rows = _rows_by_settings(group)
@@ -201,7 +190,7 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Excep
     return {request.part: outcomes[request.part] for request in requests}
 
 
-def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[Row]]:
+def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[JointSolutionsRow]]:
     """Rows of joint_solutions of one hand under every solver setting that the group requests."""
     layout = group[0].layout
     usable, reasons = usable_poses(group[0].poses)
@@ -216,7 +205,7 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[R
     return rows
 
 
-def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[Row]:
+def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[JointSolutionsRow]:
     """A row for every solvable joint, except failed joints at an optional receiver, which was not worn."""
     rows = []
     for joint in layout.solvable:
@@ -227,24 +216,33 @@ def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) 
     return rows
 
 
-def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
+def solution_row(joint: Joint, solution: JointSolution | str) -> JointSolutionsRow:
     """Row of joint_solutions of one joint; failed where `solution` is the reason instead."""
-    names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
-    if isinstance(solution, str):
-        return {**names, "reason_values": "", "status": "failed", "message": solution, "n_frames": 0}
-    return {
-        **names,
-        **vector_columns("parent_", solution.p_mm, "_mm"),
-        **vector_columns("child_", solution.q_mm, "_mm"),
-        **vector_columns("null_parent_", solution.null_parent),
-        **vector_columns("null_child_", solution.null_child),
-        **vector_columns("mean_rotation_x", solution.mean_rotation[0]),
-        **vector_columns("mean_rotation_y", solution.mean_rotation[1]),
-        **vector_columns("mean_rotation_z", solution.mean_rotation[2]),
-        "singular_values": solution.singular_values,
-        "covariance_mm2": solution.covariance_mm2.ravel(),
-        **{name: getattr(solution, name) for name in _SCALARS},
+    row: JointSolutionsRow = {
+        "joint": joint.name,
+        "parent_segment": joint.parent_receiver,
+        "child_segment": joint.child,
         "reason_values": "",
+    }
+    if isinstance(solution, str):
+        return row | {"status": "failed", "message": solution, "n_frames": 0}
+    row |= vector_columns("parent_", solution.p_mm, "_mm") | vector_columns("child_", solution.q_mm, "_mm")
+    row |= vector_columns("null_parent_", solution.null_parent)
+    row |= vector_columns("null_child_", solution.null_child)
+    for axis, turned in zip("xyz", solution.mean_rotation, strict=True):
+        row |= vector_columns(f"mean_rotation_{axis}", turned)
+    row |= {
+        "singular_values": solution.singular_values.tolist(),
+        "covariance_mm2": solution.covariance_mm2.ravel().tolist(),
+        "gap_rms_mm": solution.gap_rms_mm,
+        "gap_rms_free_mm": solution.gap_rms_free_mm,
+        "slide_to_free_mm": solution.slide_to_free_mm,
+        "range_deg": solution.range_deg,
+        "spread_deg": solution.spread_deg,
+        "axis_sd_deg": solution.axis_sd_deg,
+        "n_frames": solution.n_frames,
+        "n_effective": solution.n_effective,
         "status": "ok",
         "message": "",
     }
+    return row

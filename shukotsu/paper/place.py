@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from shukotsu.study.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Val
 from shukotsu.tables.catalogue import JOINT_SOLUTIONS
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.typed_table import rows_of, vector_columns, vector_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow, JointSolutionsRow
 
 MARGIN = 1.7
 """Factor by which skin motion and receiver misplacement may exceed the tabulated sizes.
@@ -141,7 +144,7 @@ def _slide_covariance(segment: str, layout: Layout, lever_mm: Array, looseness: 
     return np.asarray(looseness**2 * (slide + prior.JOINTWISE_TILT_SD**2 * cross @ cross.T))
 
 
-def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[dict[str, Any]]:
+def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCentresRow]:
     """Rows of joint_centres of one skeleton from its rows of joint_solutions.
 
     Parameters
@@ -176,17 +179,18 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[dict[st
                 "give the layout that the joints were solved with"
             )
         row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
-        rows.append({**plan.who._asdict(), **row})
+        row |= {"subject": plan.subject, "session": plan.session}
+        rows.append(row)
     return rows
 
 
 def place_joint(
     joint: Joint,
     layout: Layout,
-    solution: Mapping[str, Any],
+    solution: JointSolutionsRow,
     model: SkeletonModel,
     correction_mm: Array | None,
-) -> dict[str, Any]:
+) -> JointCentresRow:
     """Row of joint_centres of one joint, without subject, hand and model.
 
     Parameters
@@ -207,20 +211,25 @@ def place_joint(
 
     """
     dof = 3 if joint.plane.frame == "none" else 1
-    row: dict[str, Any] = {
+    row: JointCentresRow = {
         "joint": joint.name,
         "parent_segment": joint.parent_receiver,
         "child_segment": joint.child,
         "dof": dof if model.planes.cut else max(joint.dof, 1),
         "source": "fit",
         "n_frames": solution["n_frames"],
-        **UNJUDGED,
         "status": solution["status"],
         "message": solution["message"],
     }
+    row |= UNJUDGED
     if solution["status"] == "failed":
         return row
-    row |= {name: solution[name] for name in ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")}
+    row |= {
+        "gap_rms_free_mm": solution["gap_rms_free_mm"],
+        "range_deg": solution["range_deg"],
+        "axis_sd_deg": solution["axis_sd_deg"],
+        "n_effective": solution["n_effective"],
+    }
     row |= vector_columns("axis_parent_", vector_of(solution, "null_parent_"))
     row |= vector_columns("axis_child_", vector_of(solution, "null_child_"))
     placed = _projection(joint, solution, cut=model.planes.cut)
@@ -235,10 +244,11 @@ def place_joint(
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
         doubts[BY_HAND] = {"correction_mm": row["correction_mm"]}
-    return row | note_doubts(doubts)
+    row |= note_doubts(doubts)
+    return row
 
 
-def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plane.Projection | None:
+def _projection(joint: Joint, solution: JointSolutionsRow, *, cut: bool) -> plane.Projection | None:
     """The centre where the plane cuts the axis, or as solved where the model uses no planes."""
     p_mm, q_mm = vector_of(solution, "parent_", "_mm"), vector_of(solution, "child_", "_mm")
     axes = vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")
@@ -262,8 +272,8 @@ def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plan
 
 
 def _centre(
-    solution: Mapping[str, Any], placed: plane.Projection, shift_mm: Array, model: SkeletonModel
-) -> dict[str, Any]:
+    solution: JointSolutionsRow, placed: plane.Projection, shift_mm: Array, model: SkeletonModel
+) -> JointCentresRow:
     """Columns of the corrected centre: its position, gap and scatter."""
     mean_rotation = _mean_rotation(solution)
     p_mm, q_mm = plane.correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
@@ -277,20 +287,20 @@ def _centre(
         q_mm - placed.q_mm,
         mean_rotation,
     )
-    return {
-        **vector_columns("parent_", p_mm, "_mm"),
-        **vector_columns("child_", q_mm, "_mm"),
+    row: JointCentresRow = {
         "gap_rms_mm": gap if model.planes.cut else solution["gap_rms_mm"],
-        "covariance_mm2": placed.covariance_mm2.ravel(),
+        "covariance_mm2": placed.covariance_mm2.ravel().tolist(),
         "sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
         "slide_mm": placed.slide_mm,
         "axis_plane_deg": placed.axis_plane_deg,
     }
+    row |= vector_columns("parent_", p_mm, "_mm") | vector_columns("child_", q_mm, "_mm")
+    return row
 
 
 def _whole_error(
-    joint: Joint, layout: Layout, placed: plane.Projection, solution: Mapping[str, Any]
-) -> dict[str, Any]:
+    joint: Joint, layout: Layout, placed: plane.Projection, solution: JointSolutionsRow
+) -> JointCentresRow:
     """Columns of the total error, scatter plus unseen errors, with the scatter alone in scatter_sd_mm."""
     unseen_mm2 = unseen_covariance(
         joint,
@@ -305,7 +315,7 @@ def _whole_error(
     return {
         "scatter_sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
         "sd_mm": plane.centre_sd_mm(covariance_mm2),
-        "covariance_mm2": covariance_mm2.ravel(),
+        "covariance_mm2": covariance_mm2.ravel().tolist(),
     }
 
 
@@ -314,7 +324,7 @@ def _mean_rotation(solution: Mapping[str, Any]) -> Array:
     return np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
 
 
-def _doubts(joint: Joint, row: Mapping[str, Any], model: SkeletonModel) -> dict[str, Values]:
+def _doubts(joint: Joint, row: JointCentresRow, model: SkeletonModel) -> dict[str, Values]:
     """Doubts about the centre, by kind, with the numbers that they quote."""
     doubts: dict[str, Values] = {}
     if joint.compound:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.arrays import Float
 from shukotsu.hand.rotations import Array, nearest_rotation, unit
 
 
@@ -36,15 +37,15 @@ class Projection:
 
 
 def project(
-    p_mm: Array,
-    q_mm: Array,
-    axis_parent: Array,
-    axis_child: Array,
-    covariance_mm2: Array,
+    p_mm: Float[Array, " 3"],
+    q_mm: Float[Array, " 3"],
+    axis_parent: Float[Array, " 3"],
+    axis_child: Float[Array, " 3"],
+    covariance_mm2: Float[Array, "6 6"],
     axis_sd_rad: float,
     *,
-    plane_point_mm: Array,
-    plane_normal: Array,
+    plane_point_mm: Float[Array, " 3"],
+    plane_normal: Float[Array, " 3"],
     plane_in_parent: bool,
 ) -> Projection | None:
     """Slide both halves of a centre along the axis by the same amount, onto the plane (end of section 4).
@@ -95,11 +96,11 @@ def project(
 
 
 def leave_uncut(
-    p_mm: Array,
-    q_mm: Array,
-    axis_parent: Array,
-    axis_child: Array,
-    covariance_mm2: Array,
+    p_mm: Float[Array, " 3"],
+    q_mm: Float[Array, " 3"],
+    axis_parent: Float[Array, " 3"],
+    axis_child: Float[Array, " 3"],
+    covariance_mm2: Float[Array, "6 6"],
     slide_to_free_mm: float,
     variance_along_mm2: float,
 ) -> Projection:
@@ -135,7 +136,12 @@ def leave_uncut(
     )
 
 
-def correct(p_mm: Array, q_mm: Array, shift_mm: Array, mean_rotation: Array) -> tuple[Array, Array]:
+def correct(
+    p_mm: Float[Array, " 3"],
+    q_mm: Float[Array, " 3"],
+    shift_mm: Float[Array, " 3"],
+    mean_rotation: Float[Array, "3 3"],
+) -> tuple[Float[Array, " 3"], Float[Array, " 3"]]:
     """Apply a manual correction (section 6) to a joint centre.
 
     Parameters
@@ -156,7 +162,7 @@ def correct(p_mm: Array, q_mm: Array, shift_mm: Array, mean_rotation: Array) -> 
     return p_mm + nearest_rotation(mean_rotation) @ shift_mm, q_mm + shift_mm
 
 
-def centre_sd_mm(covariance_mm2: Array) -> float:
+def centre_sd_mm(covariance_mm2: Float[Array, "6 6"]) -> float:
     """Three-dimensional standard deviation of a centre from the covariance (6, 6) of (p, q): of the worse
     half, mm.
     """
@@ -167,12 +173,12 @@ def centre_sd_mm(covariance_mm2: Array) -> float:
 def gap_rms_mm(
     gap_rms_free_mm: float,
     smallest_singular_value: float,
-    axis_parent: Array,
-    axis_child: Array,
+    axis_parent: Float[Array, " 3"],
+    axis_child: Float[Array, " 3"],
     beyond_free_mm: float,
-    shift_parent_mm: Array,
-    shift_child_mm: Array,
-    mean_rotation: Array,
+    shift_parent_mm: Float[Array, " 3"],
+    shift_child_mm: Float[Array, " 3"],
+    mean_rotation: Float[Array, "3 3"],
 ) -> float:
     """Root mean square gap of a centre moved along the axis and, possibly, by a manual correction.
 

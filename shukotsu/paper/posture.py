@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Float
 from shukotsu.hand.rotations import Array, about_axis, cross, multiply, rotate, unit
 
 SWING_LIMIT_DEG = 175.0
@@ -74,7 +75,9 @@ class Reference:
         return cls(vector_mm, normal, float(angle[0]))
 
 
-def swing(start: Array, vector: Array) -> tuple[Array, Array]:
+def swing(
+    start: Float[Array, " 3"], vector: Float[Array, "T 3"]
+) -> tuple[Float[Array, "T 4"], Float[Array, " T"]]:
     """Shortest rotation that takes one vector to each of others (Eq. 8-10).
 
     Parameters
@@ -97,7 +100,11 @@ def swing(start: Array, vector: Array) -> tuple[Array, Array]:
     return about_axis(unit(axis), angle), angle
 
 
-def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tuple[Array, Array]:
+def twist(
+    vector: Float[Array, "T 3"],
+    normal_metacarpal: Float[Array, "T 3"],
+    normal_proximal: Float[Array, "T 3"],
+) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
     """Angle about the metacarpal from its normal to that of the proximal phalanx (Fig. 6-8).
 
     Parameters
@@ -123,7 +130,10 @@ def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tu
 
 
 def estimate_posture(
-    vector: Array, normal_proximal: Array, reference: Reference, twist_factor: float
+    vector: Float[Array, "T 3"],
+    normal_proximal: Float[Array, "T 3"],
+    reference: Reference,
+    twist_factor: float,
 ) -> Posture:
     """Posture of a metacarpal: swing first, then twist about the swung bone (Eq. 8-11).
 

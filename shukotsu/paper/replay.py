@@ -12,16 +12,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Float, Index
 from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, all_valid, carried_mm, digit_chain, segment_quaternions
 from shukotsu.hand.posed_recording import read_skeleton
 from shukotsu.hand.posing import PosedRecording, Skeleton, receiver_bones, rigid_positions, root_names
-from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
+from shukotsu.hand.rotations import conjugate, multiply, rotate
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import METACARPALS
@@ -29,11 +29,14 @@ from shukotsu.tables.parts import Part, PartsReader, PartsWriter, open_parts
 from shukotsu.tables.poses import Poses, PosesReader, frame_count, poses_reader
 from shukotsu.translation import listed
 
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import TipErrorsRow
+
 FirstFrame = tuple[Poses, Array | None]
 """First usable frame of a recording, and the metacarpal's quaternion (1, 4) in it, if posed."""
 
 
-def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> npt.NDArray[np.bool_]:
+def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Bools:
     """Frames in which everything that the digit's replay needs is valid.
 
     Parameters
@@ -124,7 +127,7 @@ def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
     return np.asarray(np.linalg.norm(tip - poses.position_mm[:, poses.index(chain.digit.tip)], axis=-1))
 
 
-def error_statistics(error_mm: Array) -> dict[str, Any]:
+def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
     """Maximum, minimum, mean, SD (divisor n), median and 95th percentile of the finite errors (T,), mm."""
     known_mm = error_mm[np.isfinite(error_mm)]
     if not len(known_mm):
@@ -139,8 +142,6 @@ def error_statistics(error_mm: Array) -> dict[str, Any]:
         "n_frames": len(known_mm),
     }
 
-
-Index = npt.NDArray[np.int64]
 
 BINDINGS = ("first-frame", "least-squares")
 
@@ -184,7 +185,7 @@ def _turns(
 
 def replay_recording(
     skeleton: Skeleton, recording: PosesReader, metacarpals: Callable[[str, Index], Mapping[str, Array]]
-) -> Iterator[tuple[dict[str, Any] | None, list[dict[str, Any]]]]:
+) -> Iterator[tuple[dict[str, Any] | None, list[TipErrorsRow]]]:
     """Replay every digit of a skeleton in one recording.
 
     One digit at a time, since the bones of all digits take several times the memory of the recording.
@@ -256,7 +257,7 @@ class _Replay:
             "error_first_frame_mm": errors_mm[0],
         }
 
-    def rows(self, chain: DigitChain) -> list[dict[str, Any]]:
+    def rows(self, chain: DigitChain) -> list[TipErrorsRow]:
         """Rows of tip_errors, after the last block."""
         errors_of = {binding: np.concatenate(blocks) for binding, blocks in self._errors_mm.items()}
         least_squares_mm = errors_of[BINDINGS[1]]
@@ -272,11 +273,11 @@ class _Replay:
         ]
 
 
-def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:
+def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[TipErrorsRow]:
     """Rows of tip_errors of a digit without numbers, with the reason."""
     return [_row(digit, binding, n_frames, reason) for binding in BINDINGS]
 
 
-def _row(digit: str, binding: str, n_frames: int, why: str) -> dict[str, Any]:
-    keys = {"digit": digit, "binding": binding}
-    return keys | {"n_frames": 0, "n_frames_total": n_frames, "message": why}
+def _row(digit: str, binding: str, n_frames: int, why: str) -> TipErrorsRow:
+    row: TipErrorsRow = {"digit": digit, "binding": binding, "n_frames": 0}
+    return row | {"n_frames_total": n_frames, "message": why}

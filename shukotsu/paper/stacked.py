@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.arrays import Float
 from shukotsu.hand.rotations import Array, matrix
 
 EXACT_HINGE = 5e-13
@@ -42,10 +43,10 @@ class StackedSolution:
 
 
 def solve_stacked(
-    parent_quaternion: Array,
-    parent_position_mm: Array,
-    child_quaternion: Array,
-    child_position_mm: Array,
+    parent_quaternion: Float[Array, "N 4"],
+    parent_position_mm: Float[Array, "N 3"],
+    child_quaternion: Float[Array, "N 4"],
+    child_position_mm: Float[Array, "N 3"],
     n_singular_values: int,
 ) -> StackedSolution:
     """Solve one joint by Eq. 5-7: x = V W^-1 U^T b, without the smallest singular values.

@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shukotsu.arrays import Array, Float
 from shukotsu.hand.digit_chain import Rows, all_valid, seen_from
-from shukotsu.hand.rotations import Array
 from shukotsu.study.layout import Layout, Wrist
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, note_doubts
 from shukotsu.tables.poses import PosesReader
 from shukotsu.tables.typed_table import vector_columns, vector_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow
 
 DISTANCE_SD_MM = 1.0
 """Standard deviation of the distance from wrist to MCP joint due to skin motion."""
@@ -37,7 +40,7 @@ class WristPoint:
     covariance_mm2: Array
 
 
-def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
+def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, " 3"]) -> WristPoint:
     """Point whose distance to the MCP joints varies least, by Gauss-Newton.
 
     See docs/method.md, "Wrist and metacarpals".
@@ -106,7 +109,7 @@ def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tupl
 
 def wrist_row(
     rows: Rows, layout: Layout, model: SkeletonModel, calibration: PosesReader
-) -> dict[str, Any] | None:
+) -> JointCentresRow | None:
     """Row of joint_centres of the wrist, without subject, hand and model; None where no wrist is needed.
 
     Parameters
@@ -133,7 +136,7 @@ def wrist_row(
     fitted = rows.get(wrist.joint)
     wanted = model.wrist
     if wanted in ("functional", "auto") and fitted is not None and fitted["status"] != "failed":
-        return dict(fitted)
+        return fitted
     if wanted == "functional":
         why = fitted["message"] if fitted is not None else "no receiver on the forearm"
         return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
@@ -184,23 +187,23 @@ def _point_row(
     how: str,
     source: str,
     doubts: Mapping[str, Values] | None = None,
-) -> dict[str, Any]:
+) -> JointCentresRow:
     """Row of joint_centres of a wrist point, or of its failure where point is None."""
-    row: dict[str, Any] = {
+    row: JointCentresRow = {
         "joint": wrist.joint,
         "parent_segment": "",
         "child_segment": wrist.segment,
         "dof": 0,
         "n_frames": 0,
         "source": source,
-        **note_doubts(doubts or {}),
         "status": status,
         "message": how,
     }
+    row |= note_doubts(doubts or {})
     if point is not None:
         whole = np.zeros((6, 6))
         whole[3:, 3:] = point.covariance_mm2
         row |= vector_columns("child_", point.point_mm, "_mm")
-        row["covariance_mm2"] = whole.ravel()
+        row["covariance_mm2"] = whole.ravel().tolist()
         row["sd_mm"] = float(np.sqrt(np.trace(point.covariance_mm2)))
     return row

@@ -13,17 +13,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import matrix, unit
 from shukotsu.readers.jumps import OwnSides
 from shukotsu.study.layout import Layout
-
-Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-Integers = npt.NDArray[np.int64]
 
 LEVER_MM = 200.0
 """Distance of a joint's centre from a receiver at which to be so far costs as much as 1 mm of gap."""

@@ -17,12 +17,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.hand.rotations import Array, matrix
+from shukotsu.arrays import Array, Bools, Integers
+from shukotsu.hand.rotations import matrix
 from shukotsu.tables.device_clock import without_packets
-
-Integers = npt.NDArray[np.int64]
 
 FASTEST_MM_S, UNTIMED_STEP_MM = 3000.0, 20.0
 """No hand is faster; in a frame of which the time is not known none goes farther."""
@@ -107,7 +105,7 @@ def _within_mm(reach_mm: float, lasts: Array) -> Array:
     return np.asarray(reach_mm * np.minimum(lasts, 2 * np.sqrt(lasts)))
 
 
-def _leaps(leaping: npt.NDArray[np.bool_], position_mm: Array, usual_mm: float) -> list[tuple[int, int]]:
+def _leaps(leaping: Bools, position_mm: Array, usual_mm: float) -> list[tuple[int, int]]:
     """The last pose before and the first after each leap, of steps (N - 1,) that lead to no side."""
     leaps: list[tuple[int, int]] = []
     rows = np.flatnonzero(leaping)
@@ -128,8 +126,6 @@ def _leaps(leaping: npt.NDArray[np.bool_], position_mm: Array, usual_mm: float) 
         leaps.append((before, after))
     return leaps
 
-
-Bools = npt.NDArray[np.bool_]
 
 LONGEST_FRAMES = 5
 FAR_MM, FAR_DEG, SPIKE_STEPS = 100.0, 90.0, 4.0

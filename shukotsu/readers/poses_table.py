@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.readers.hemispheres import sides
 from shukotsu.readers.jumps import OwnSides, breaks, exchanges, own_sides, spikes
@@ -81,10 +82,7 @@ _ROW = np.dtype(
 """A sample of one segment; `sample` is its place in the recording."""
 
 Rows = npt.NDArray[np.void]
-Bools = npt.NDArray[np.bool_]
 Flags = npt.NDArray[np.uint32]
-Integers = npt.NDArray[np.int64]
-Array = npt.NDArray[np.float64]
 Places = Sequence[tuple[int, Callable[[int], str]]]
 
 
@@ -380,7 +378,7 @@ def _believed(
     return names, poses, [(parents[name], name) for name in names if parents.get(name, "") in names]
 
 
-def _break_off(segment: _Segment, file: _RowFile, off: npt.NDArray[np.bool_]) -> _Segment:
+def _break_off(segment: _Segment, file: _RowFile, off: Bools) -> _Segment:
     """Flag those complete rows (N,) of a segment; return it with as many usable rows as it then has."""
     rows = file.rows().copy()
     rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
@@ -496,7 +494,7 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
     """
 
     def where(sample: int) -> str:
-        start, locate = [part for part in places if part[0] <= sample][-1]
+        start, locate = next(part for part in reversed(places) if part[0] <= sample)
         return locate(sample - start)
 
     twice = min(((*segment.twice, name) for name, segment in segments.items() if segment.twice), default=None)

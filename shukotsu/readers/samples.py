@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import bisect
-import difflib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, count_of, shorten
+from shukotsu.errors import InputError, count_of, nearest, shorten
 from shukotsu.study.layout import Layout
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -136,7 +135,7 @@ def segments_of_names(
     if (segment < 0).any():
         first = int(np.argmax(segment < 0))
         name = names[codes[first]]
-        why = f"is not in layout {layout.name}, which knows {', '.join(worn)}{did_you_mean(name, worn)}"
+        why = f"is not in layout {layout.name}, which knows {', '.join(worn)}{nearest(name, worn)}"
         if name in layout.segments:
             why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
         raise InputError(f"{locate(first)}: segment {shorten(name, 60)!r} {why}")
@@ -165,10 +164,3 @@ def segments_of_stations(
             why = f"sits on the other hand in layout {layout.name}; leave that hand's rows out"
         raise InputError(f"{locate(first)}: receiver {stations[first]} {why}")
     return segment
-
-
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Return the nearest of the names as the end of a sentence; nothing where none is near."""
-    by_lower = {other.lower(): other for other in names}
-    near = difflib.get_close_matches(name.lower(), by_lower, 1)
-    return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

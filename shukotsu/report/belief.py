@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, PlotMark
-from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import (
     DataTable,
     PageColumn,
@@ -23,6 +23,9 @@ from shukotsu.study.findings import PROBLEMS
 from shukotsu.study.layout import Layout
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, translated, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import GainsRow, JointCentresRow
 
 BELIEVED, CARE, NOT, UNWORN = N_("✓ yes"), N_("◆ with care"), N_("✕ no"), N_("– not worn")
 BELIEFS = (BELIEVED, CARE, NOT, UNWORN)
@@ -115,7 +118,7 @@ _NUMBERS = ("sd_mm", "range_deg", "gap_rms_mm", "gap_rms_free_mm", "axis_plane_d
 
 def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     """Tabulate a hand's joints under a model: verdict, the numbers that any joint has, reasons for doubt."""
-    rows = results.joints_of.get((hand, model), [])
+    rows: Sequence[Mapping[str, Any]] = results.joints_of.get((hand, model), [])
     columns = (
         PageColumn(
             tr("Joint"),
@@ -158,7 +161,7 @@ def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
     }
 
 
-def believed_counts(rows: Iterable[Row]) -> str:
+def believed_counts(rows: Iterable[JointCentresRow]) -> str:
     """Count joints of rows of joint_centres by verdict, for a line of summary."""
     counts = Counter(belief(row) for row in rows)
     return tr(", ").join(f"{tr(each)} {counts[each]}" for each in BELIEFS if counts[each]) or tr(NO_JOINT)
@@ -168,7 +171,7 @@ NEAR_TIMES = 1.25
 """So many times wanted_mm a stated error may be for one measurement or movement to be looked for."""
 
 
-def near_lines(rows: Iterable[Row], gains: Sequence[Row], layout: Layout) -> list[str]:
+def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layout: Layout) -> list[str]:
     """Return what a hand's joints serve for that are known a little less well than wanted, and what mends it.
 
     rows : of joint_centres; gains : of the same hand.
@@ -176,8 +179,9 @@ def near_lines(rows: Iterable[Row], gains: Sequence[Row], layout: Layout) -> lis
     near, wanted_mm = [], layout.wanted_mm
     for row in rows:
         only = set(verdict.doubts_of(row)) <= {verdict.UNCERTAIN, verdict.ONE_WAY, verdict.AXIS}
-        if layout.is_hand and row["sd_mm"] is not None and only:
-            near += [row["joint"]] * (wanted_mm < row["sd_mm"] <= NEAR_TIMES * wanted_mm)
+        sd_mm = row["sd_mm"]
+        if layout.is_hand and only and sd_mm is not None and wanted_mm < sd_mm <= NEAR_TIMES * wanted_mm:
+            near.append(row["joint"])
     if not near:
         return []
     mended = {row["joint"]: row for row in reversed(gains) if row["joint_sd_after_mm"] <= wanted_mm}
@@ -225,7 +229,7 @@ def action_text(quantity: str) -> str:
     return tr(_PARTS[part], bone=bone)
 
 
-def gain_lines(rows: Sequence[Row]) -> list[str]:
+def gain_lines(rows: Sequence[GainsRow]) -> list[str]:
     """Return what to record or measure next of a hand, a sentence a row of gains, at most three."""
     return [
         tr(

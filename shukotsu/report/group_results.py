@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -20,10 +21,13 @@ from shukotsu.movement.study_comparison import (
 )
 from shukotsu.report.belief import NOT
 from shukotsu.report.movement_results import StudyMovement, movement_table
-from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import DASH, DataTable, RowBlock, number, p_text
 from shukotsu.study.study import Study, factor_levels, not_compared
 from shukotsu.translation import N_, listed, ngettext, tr, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import MovementDifferencesRow
 
 MOST_SHOWN, MOST_DRAWN = 8, 4
 """Numbers of a factor that are in its table, and in its figure, beside those that the study file names."""
@@ -86,7 +90,7 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
     return factors
 
 
-def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[Row]:
+def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[Any]:
     """Return rows of movement_differences: those that the study file names, then those that differ most."""
     rows = movement.differences[movement.differences["factor"] == factor]
     named = (rows["quantity"] + " " + rows["of"]).isin(asked).to_numpy(bool)
@@ -102,17 +106,17 @@ def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[
     ]
 
 
-def _title(row: Row) -> str:
+def _title(row: Mapping[str, Any]) -> str:
     """Write what a row compares, in words: the quantity and whose it is."""
     of = ", ".join(word(part) for part in str(row["of"]).split(" "))
     return f"{_axis(row)}, {of}"
 
 
-def _axis(row: Row) -> str:
+def _axis(row: Mapping[str, Any]) -> str:
     return f"{tr(_LABELS[row['quantity']])} [{_QUANTITIES[row['quantity']].unit}]"
 
 
-def _table(factor: str, rows: Sequence[Row], asked: Sequence[str]) -> DataTable:
+def _table(factor: str, rows: Sequence[MovementDifferencesRow], asked: Sequence[str]) -> DataTable:
     """Tabulate the rows, a block for every two levels."""
     blocks = []
     for pair in dict.fromkeys((row["level"], row["other_level"]) for row in rows):
@@ -133,7 +137,7 @@ def _table(factor: str, rows: Sequence[Row], asked: Sequence[str]) -> DataTable:
     return DataTable(caption, tuple(blocks), tuple(notes), frozenset({0, 1, 2, 7}), "movement_differences")
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     def of_level(prefix: str, n: int) -> str:
         sd = row[f"{prefix}sd"]
         spread = f" ± {number(sd, 1)}" if sd is not None else ""
@@ -147,7 +151,9 @@ def _cells(row: Row) -> tuple[str, ...]:
     return (_title(row), *where, *levels, number(row["difference"], 1), interval, why)
 
 
-def _drawn(results: StudyResults, everything: RecordingLevels, model: str, row: Row) -> DrawnDifference:
+def _drawn(
+    results: StudyResults, everything: RecordingLevels, model: str, row: MovementDifferencesRow
+) -> DrawnDifference:
     """Return every subject's number at the row's two levels: those that its means are of."""
     quantity, factor = _QUANTITIES[row["quantity"]], row["factor"]
     numbers = numbers_of(quantity, movement_table(results, quantity.table, model), everything.counted)

@@ -10,21 +10,23 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError
+from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posing import PosedRecording, ReceiverPoint, digit_points
 from shukotsu.hand.rotations import matrix
 from shukotsu.report.belief import BELIEVED, belief
 from shukotsu.study.layout import Layout, Vector
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses
+from shukotsu.tables.typed_table import vector_of
 
-Array = npt.NDArray[np.float64]
-Rows = Mapping[str, Mapping[str, Any]]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import ReceiversRow
 
 MOST_FRAMES = 15_000
 """Frames that a view holds at most: a minute at 240 frames a second."""
@@ -94,7 +96,7 @@ class HandMotion:
 
     hand: str
     digits: tuple[str, ...]
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     time_s: Array
     every: int
     receivers: tuple[str, ...]
@@ -171,7 +173,7 @@ def fitted_skeleton(
     model: SkeletonModel,
     model_index: int,
     joints: Rows,
-    worn: Rows,
+    worn: Mapping[str, ReceiversRow],
     posed: PosedRecording,
     tip_error_mm: Array,
 ) -> ShownSkeleton:
@@ -215,7 +217,7 @@ def upright(motion: HandMotion) -> Array:
     return np.stack([np.cross(distal, dorsal), distal, dorsal])
 
 
-def view_points(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> Array:
+def view_points(motion: HandMotion, frames: Integers, world_mm: Array) -> Array:
     """Points (F, n, 3) of the frames (F,), indices, in the view's axes; NaN where the base has no pose."""
     turn = matrix(motion.receiver_quaternion[frames, motion.base])
     origin = motion.receiver_mm[frames, motion.base]
@@ -300,7 +302,7 @@ def _axes(
         row = joints.get(joint.name)
         if row is None or joint.name not in points or row["axis_child_x"] is None:
             continue
-        x, y, z = (float(row[f"axis_child_{axis}"]) for axis in "xyz")
+        x, y, z = vector_of(row, "axis_child_").tolist()
         plane = joint.plane
         side = joint.parent_receiver if plane.frame == "parent" else joint.child
         cut_by = side if model.planes.cut and plane.frame != "none" else ""

@@ -6,17 +6,20 @@ import textwrap
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from statistics import median
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems
-from shukotsu.report.study_results import Row, StudyResults, hand_of
+from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.report.table_cells import DASH, format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
 from shukotsu.study.model import the_papers
 from shukotsu.translation import listed, ngettext, tr, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow, ModelDifferencesRow
 
 ALL_DIGITS = ""
 PRIOR = "prior-only"
@@ -37,7 +40,7 @@ class JudgedModels:
     held_out: bool
     values: dict[str, dict[str, float]]
     references: frozenset[str]
-    differences: list[Row]
+    differences: list[ModelDifferencesRow]
 
     @property
     def judges(self) -> bool:
@@ -110,7 +113,7 @@ def model_to_take(results: StudyResults) -> str:
     return tr("{claim} ({test}).", claim=sentence, test=test)
 
 
-def _deciding_difference(results: StudyResults, judged: JudgedModels) -> Row | None:
+def _deciding_difference(results: StudyResults, judged: JudgedModels) -> ModelDifferencesRow | None:
     """Return the difference of the model to take from the best of the others; None where none was made."""
     ours = [row for row in judged.differences if row["model"] == results.leading]
     if not ours:
@@ -157,7 +160,8 @@ def used_text(results: StudyResults) -> str:
     used = [each for each in results.recordings if results.status_of(each)[0] == "used"]
     in_doubt = sum(each.hand in results.suspect for each in used)
     others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
-    others += [tr("{n} in no statistic, for what was found", n=in_doubt)] * (in_doubt > 0)
+    if in_doubt:
+        others.append(tr("{n} in no statistic, for what was found", n=in_doubt))
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
     text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
     text += f" ({listed(others)})" if others else ""
@@ -195,7 +199,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     )
 
 
-def _typical_error(results: StudyResults, model: str, rows: list[Row], total: str) -> BigNumber:
+def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow], total: str) -> BigNumber:
     """Return the median error of joints and of how many, or that none comes from the recordings."""
     stated = [row for row in rows if row["sd_mm"] is not None]
     if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):

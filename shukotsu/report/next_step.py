@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shukotsu.report.belief import gain_lines, reasons_of
-from shukotsu.report.study_results import Row, StudyResults, hand_of
+from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.study import verdict
 from shukotsu.study.plan import read_plan
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow
 
 MOST_REASONS = 3
 """So many reasons are named in a line."""
@@ -26,7 +29,7 @@ _MOVED_MORE = (verdict.MOVED_LITTLE, verdict.UNCERTAIN, verdict.ONE_WAY, verdict
 _WORN_MORE = (verdict.NO_POSE, verdict.ONE_RECEIVER)
 
 
-def doubted_joints(results: StudyResults) -> list[Row]:
+def doubted_joints(results: StudyResults) -> list[JointCentresRow]:
     """Return rows of worn joints under the leading model, of hands that count, that are not believed."""
     rows = (row for row in results.judging.joints if row["model"] == results.leading)
     return [row for row in rows if row["verdict"] != verdict.BELIEVE and row["reason"] != verdict.NOT_WORN]
@@ -34,7 +37,7 @@ def doubted_joints(results: StudyResults) -> list[Row]:
 
 def care_line(results: StudyResults) -> str:
     """Return which joints are to be taken with care and why, the commonest reason first; empty for none."""
-    of_reason: dict[str, list[Row]] = defaultdict(list)
+    of_reason: dict[str, list[JointCentresRow]] = defaultdict(list)
     for row in doubted_joints(results):
         of_reason[row["reason"]].append(row)
     n_hands = len({hand_of(row) for row in results.judging.joints})
@@ -80,7 +83,7 @@ def next_step(results: StudyResults) -> str:
     return tr("Next: {action}", action=gain_lines(best)[0]) if best else ""
 
 
-def _action(row: Row, doubts: verdict.Doubts, is_measured: bool) -> str:
+def _action(row: JointCentresRow, doubts: verdict.Doubts, is_measured: bool) -> str:
     """Return what is to be done for a joint that is doubted so; empty where nothing is known to help."""
     for kind, values in doubts.items():
         segments: Any = values.get("segments")

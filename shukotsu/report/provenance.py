@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from shukotsu.report.study_results import Row, StudyResults, hand_of, recording_key
+from shukotsu.report.study_results import StudyResults, hand_of, recording_key
 from shukotsu.report.table_cells import DataTable, quantity_column, table_of, text_column
 from shukotsu.study.findings import STAGE, faults
 from shukotsu.translation import ngettext, tr, translated, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import ProblemsRow
 
 STATUS_MARKS = {"used": "", "excluded": "○ ", "failed": "✕ ", "missing": "? ", "refused": "✕ "}
 
@@ -47,7 +51,7 @@ class ListedFault:
     evidence: tuple[str, ...] = ()
 
 
-def faults_listed(rows: Sequence[Row]) -> list[ListedFault]:
+def faults_listed(rows: Sequence[ProblemsRow]) -> list[ListedFault]:
     """Return findings by fault, each with the recordings that have it."""
     listed = []
     for fault in faults(rows):
@@ -92,7 +96,7 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
     return listed
 
 
-def where(problem: Row) -> str:
+def where(problem: ProblemsRow) -> str:
     """Name in words what a row of problems is about."""
     names = (
         str(hand_of(problem).who) if problem["subject"] else "",

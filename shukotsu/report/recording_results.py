@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
 from shukotsu.hand.posing import Skeleton
@@ -23,7 +24,7 @@ from shukotsu.report.hand_motion import (
     receiver_skeleton,
     view_base,
 )
-from shukotsu.report.study_results import Row, StudyResults, recording_key, row_key
+from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import the_papers
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import Recording
@@ -32,7 +33,8 @@ from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.poses import Poses, pose_blocks
 from shukotsu.translation import N_
 
-Array = npt.NDArray[np.float64]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow, JointSolutionsRow, RecordingsRow, TipErrorsRow
 
 ANGLES = ("flexion", "abduction", "rotation")
 
@@ -54,9 +56,9 @@ class ModelResults:
     """
 
     name: str
-    joints: list[Row]
-    solutions: list[Row]
-    tip_errors: list[Row]
+    joints: list[JointCentresRow]
+    solutions: list[JointSolutionsRow]
+    tip_errors: list[TipErrorsRow]
     angles: JointAngles | None
 
 
@@ -70,7 +72,7 @@ class RecordingResults:
 
     study: StudyResults
     recording: Recording
-    row: Row
+    row: RecordingsRow
     models: tuple[ModelResults, ...]
     left_out: dict[str, str]
     motion: HandMotion | None

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from shukotsu.report.study_results import (
     FIRST_FRAME,
     HANDS,
     LEAST_SQUARES,
-    Row,
     StudyResults,
     Trial,
     hand_of,
@@ -41,6 +40,9 @@ from shukotsu.study.model import SkeletonModel
 from shukotsu.study.study import Recording
 from shukotsu.tables.subjects import SubjectSession
 from shukotsu.translation import N_, listed, ngettext, tr, translated, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import TipErrorsRow
 
 IN_SAMPLE = N_("○ no")
 MEANS = (
@@ -68,7 +70,7 @@ class SkeletonLabel(NamedTuple):
     reference: bool
 
 
-Scored = tuple[SkeletonLabel, list[Row]]
+Scored = tuple[SkeletonLabel, list[Mapping[str, Any]]]
 
 
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
@@ -76,7 +78,7 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
 
     Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
     """
-    groups: dict[SkeletonLabel, list[Row]] = defaultdict(list)
+    groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
     wanted = (*trial.who, trial.task, trial.trial)
     for row in sorted(results.scores, key=lambda row: bool(row["hand"] != "right")):
         if tuple(row[name] for name in ("subject", "session", "task", "trial")) != wanted:
@@ -128,7 +130,7 @@ def _mean_text(name: str, scored: Scored) -> str:
     return format_value(name, mean(row[name] for row in scored[1] if _is_known(name, row)))
 
 
-def _is_known(name: str, row: Row) -> bool:
+def _is_known(name: str, row: Mapping[str, Any]) -> bool:
     return row[name] is not None and (name != LEFT_OUT or row["posed_mean_mm"] is not None)
 
 
@@ -158,7 +160,7 @@ def _shortfalls(
 def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
     order = {name: index for index, name in enumerate(results.models)}
-    groups: dict[SkeletonLabel, list[Row]] = defaultdict(list)
+    groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
     for row in results.joint_errors:
         if hand_of(row).who == who:
             model = row["model"]
@@ -221,7 +223,7 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
     blocks, notes = [], []
     for recording in trial.recordings.values():
         digits = tuple(results.layouts[recording.hand].digits)
-        rows = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
+        rows: dict[str, Any] = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
         cells = (
             (
                 f"{tr(words)} [cm]",
@@ -297,7 +299,7 @@ def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
     return (tr("Error ({hand} hand)", hand=title(hand)), *map(title, digits))
 
 
-def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | None]) -> list[str]:
+def _notes(results: StudyResults, recording: Recording, rows: Mapping[str, TipErrorsRow | None]) -> list[str]:
     """Return why cells are empty or doubtful, a line a reason, and how many frames the numbers rest on."""
     reasons: dict[str, list[str]] = defaultdict(list)
     status, message = results.status_of(recording)

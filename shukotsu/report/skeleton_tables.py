@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
 from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
-from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import (
     DASH,
     DataTable,
@@ -31,6 +32,9 @@ from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.subjects import Hand, path_token
 from shukotsu.tables.typed_table import rows_of
 from shukotsu.translation import N_, ngettext, tr, translated, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, RangesOfMotionRow, ReceiversRow
 
 SHARED = N_("The model ties the bone lengths of a person’s two hands: they are one measurement, not two.")
 _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
@@ -108,7 +112,7 @@ def lengths_are_shared(results: StudyResults, hands: Sequence[Hand], model: str)
     return fitting is not None and fitting.share_lengths and len({hand.who for hand in hands}) < len(hands)
 
 
-def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:
+def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, BoneLengthsRow]:
     """Rows of bone_lengths by the bone's name, with its digit where several have one of that name."""
     uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
     return {
@@ -123,7 +127,7 @@ def _in_order(results: StudyResults, names: set[str]) -> list[str]:
     return sorted(names, key=lambda name: (order.get(name.split(" ")[0], len(order)), name))
 
 
-def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) -> str:
+def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, BoneLengthsRow]) -> str:
     """How many of a hand's lengths to believe; none of one with a finding."""
     if not bones:
         return DASH
@@ -133,7 +137,7 @@ def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) ->
     return tr("{n} of {total}", n=count, total=len(bones))
 
 
-def _length(row: Row | None) -> str:
+def _length(row: BoneLengthsRow | None) -> str:
     """The length with its error, a doubt's sign behind it."""
     if row is None or row["length_mm"] is None:
         return DASH
@@ -175,7 +179,7 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     return folded
 
 
-def _loose(row: Row) -> str:
+def _loose(row: ReceiversRow) -> str:
     if row["loose_from_frame"] is None:
         return ""
     return tr(
@@ -187,7 +191,7 @@ def _loose(row: Row) -> str:
     ).replace("◆  ", "◆ ")
 
 
-def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
+def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[RangesOfMotionRow]:
     """Return rows of ranges_of_motion of a hand under a model; none where movement was not measured."""
     path = results.subject_table(hand, RANGES_OF_MOTION.name)
     if not path.is_file():
@@ -200,7 +204,7 @@ def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
         return []
 
 
-def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
+def measured_table(caption: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:
     """Tabulate range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
     task = PageColumn(
         tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from itertools import groupby, pairwise
 from statistics import median
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -32,7 +32,7 @@ from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
 from shukotsu.report.recording_results import read_stretch
 from shukotsu.report.skeleton_tables import lengths_table
-from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import Link, format_value, link
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import View, view_of
@@ -49,6 +49,9 @@ from shukotsu.study.study import Study
 from shukotsu.study.verdict import BELIEVE, CARE, NO, VERDICTS
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.translation import tr, translated, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow
 
 FEW_HANDS = 30
 """As many rows of bone lengths as are shown unfolded."""
@@ -245,12 +248,12 @@ def joint_picture(results: StudyResults) -> JointPicture | None:
     return JointPicture(digits, names, tuple(rows), medians if len(judged) > _MEDIANS_OVER else ())
 
 
-def believed_text(rows: Sequence[Row]) -> str:
+def believed_text(rows: Sequence[JointCentresRow]) -> str:
     """Return how many joints of all are believed."""
     return f"{sum(row['verdict'] == BELIEVE for row in rows)}/{len(rows)}"
 
 
-def _cell(rows: Sequence[Row], href: str = "") -> JointCell | None:
+def _cell(rows: Sequence[JointCentresRow], href: str = "") -> JointCell | None:
     """A joint; of several hands the median error and the middle verdict, of two the worse."""
     if not rows:
         return None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
 
@@ -22,11 +22,27 @@ from shukotsu.study.results import FAILED_PAGES, Results
 from shukotsu.study.study import Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from shukotsu.tables.subjects import Hand, SubjectSession, path_token
-from shukotsu.tables.typed_table import Table, read_metadata, read_table, rows_of
+from shukotsu.tables.typed_table import Table, key_of, read_metadata, read_table, rows_of
 from shukotsu.translation import tr
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import (
+        AgreementRow,
+        BoneLengthsRow,
+        GainsRow,
+        JointCentresRow,
+        JointErrorsRow,
+        ModelDifferencesRow,
+        ModelValuesRow,
+        ProblemsRow,
+        ReceiversRow,
+        RecordingsRow,
+        SkeletonScoresRow,
+        TipErrorsRow,
+    )
+
 HandModel = tuple[Hand, str]
+RowType = TypeVar("RowType", bound=Mapping[str, Any])
 
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
@@ -63,16 +79,12 @@ class Trial:
         return task_title(self.task, self.trial)
 
 
-def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:
-    """The rows of that attribute by hand and model, in the table's order."""
-
-    def grouped(results: StudyResults) -> dict[HandModel, list[Row]]:
-        groups: dict[HandModel, list[Row]] = defaultdict(list)
-        for row in getattr(results, attribute):
-            groups[hand_of(row), row["model"]].append(row)
-        return dict(groups)
-
-    return cached_property(grouped)
+def by_hand_and_model(rows: Iterable[RowType]) -> dict[HandModel, list[RowType]]:
+    """The rows of each hand and model, in the table's order."""
+    groups: dict[HandModel, list[RowType]] = defaultdict(list)
+    for row in rows:
+        groups[hand_of(row), row["model"]].append(row)
+    return dict(groups)
 
 
 @dataclass(frozen=True)
@@ -89,18 +101,18 @@ class StudyResults:
     paths: Results
     models: Mapping[str, SkeletonModel]
     layouts: Mapping[Hand, Layout]
-    recording_rows: list[Row]
-    problems: list[Row]
-    joints: list[Row]
-    bones: list[Row]
-    tip_errors: list[Row]
-    scores: list[Row]
-    joint_errors: list[Row]
-    receivers: list[Row]
-    gains: list[Row]
-    agreement: list[Row]
-    model_values: list[Row]
-    model_differences: list[Row]
+    recording_rows: list[RecordingsRow]
+    problems: list[ProblemsRow]
+    joints: list[JointCentresRow]
+    bones: list[BoneLengthsRow]
+    tip_errors: list[TipErrorsRow]
+    scores: list[SkeletonScoresRow]
+    joint_errors: list[JointErrorsRow]
+    receivers: list[ReceiversRow]
+    gains: list[GainsRow]
+    agreement: list[AgreementRow]
+    model_values: list[ModelValuesRow]
+    model_differences: list[ModelDifferencesRow]
 
     @cached_property
     def subjects(self) -> list[str]:
@@ -144,7 +156,7 @@ class StudyResults:
         """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
         return frozenset(hand_of(row) for row in self.problems if row["severity"] == SUSPECT)
 
-    def counted(self, rows: list[Row]) -> list[Row]:
+    def counted(self, rows: list[RowType]) -> list[RowType]:
         """Those rows that statistics are made of: not of suspect hands."""
         return [row for row in rows if hand_of(row) not in self.suspect]
 
@@ -156,7 +168,7 @@ class StudyResults:
         return replace(self, **counted)
 
     @cached_property
-    def findings(self) -> list[Row]:
+    def findings(self) -> list[ProblemsRow]:
         """Problems with recordings: what is wrong, lost or left out in them, notes apart."""
         stages = (STAGE, "capture")
         return [
@@ -171,7 +183,7 @@ class StudyResults:
         return all(layout.is_hand for layout in self.layouts.values())
 
     @cached_property
-    def accepted(self) -> list[Row]:
+    def accepted(self) -> list[ProblemsRow]:
         """Findings that the recordings sheet gives a reason for."""
         return [row for row in self.problems if row["accepted"]]
 
@@ -179,10 +191,25 @@ class StudyResults:
         """Add what went wrong while the page is made, before its problems are asked for."""
         self.problems.append(_problem(SubjectSession(""), stage, message, task=task))
 
-    joints_of = _by_hand_and_model("joints")
-    bones_of = _by_hand_and_model("bones")
-    receivers_of = _by_hand_and_model("receivers")
-    gains_of = _by_hand_and_model("gains")
+    @cached_property
+    def joints_of(self) -> dict[HandModel, list[JointCentresRow]]:
+        """Rows of joints by hand and model."""
+        return by_hand_and_model(self.joints)
+
+    @cached_property
+    def bones_of(self) -> dict[HandModel, list[BoneLengthsRow]]:
+        """Rows of bones by hand and model."""
+        return by_hand_and_model(self.bones)
+
+    @cached_property
+    def receivers_of(self) -> dict[HandModel, list[ReceiversRow]]:
+        """Rows of receivers by hand and model."""
+        return by_hand_and_model(self.receivers)
+
+    @cached_property
+    def gains_of(self) -> dict[HandModel, list[GainsRow]]:
+        """Rows of gains by hand and model."""
+        return by_hand_and_model(self.gains)
 
     @property
     def fitted(self) -> list[str]:
@@ -195,16 +222,16 @@ class StudyResults:
         return leading_model(self.models, self.layouts.values())
 
     @cached_property
-    def _tip_error_of(self) -> dict[tuple[str, ...], Row]:
+    def _tip_error_of(self) -> dict[tuple[str, ...], TipErrorsRow]:
         key = [name for name in TIP_ERRORS.key if name != "made_without"]
-        return {tuple(row[name] for name in key): row for row in self.tip_errors}
+        return {key_of(row, key): row for row in self.tip_errors}
 
     @cached_property
-    def recording_row_of(self) -> dict[tuple[str, ...], Row]:
+    def recording_row_of(self) -> dict[tuple[str, ...], RecordingsRow]:
         """Rows of the recordings table by subject, session, hand, task and trial."""
-        return {tuple(row[name] for name in RECORDINGS.key): row for row in self.recording_rows}
+        return {row_key(row): row for row in self.recording_rows}
 
-    def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> Row | None:
+    def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> TipErrorsRow | None:
         """The row of tip_errors for one cell group; None where the table has none."""
         return self._tip_error_of.get((*recording_key(recording), model, digit, binding))
 
@@ -244,12 +271,12 @@ def recording_key(recording: Recording) -> tuple[str, ...]:
     return tuple(recording.key.values())
 
 
-def row_key(row: Row) -> tuple[str, ...]:
+def row_key(row: Mapping[str, Any]) -> tuple[str, ...]:
     """The same of a row of a table."""
-    return tuple(row[name] for name in RECORDINGS.key)
+    return key_of(row, RECORDINGS.key)
 
 
-def hand_of(row: Row) -> Hand:
+def hand_of(row: Mapping[str, Any]) -> Hand:
     """The hand that a row of a table is of."""
     return Hand(row["subject"], row["hand"], row["session"])
 
@@ -261,7 +288,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     failed counts as empty, and the reason joins the problems.
     """
     paths = Results(folder)
-    failures: list[Row] = []
+    failures: list[ProblemsRow] = []
     rows: dict[str, Any] = {
         name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF
     }
@@ -298,7 +325,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     )
 
 
-def _failed_exports(study: Study, paths: Results) -> list[Row]:
+def _failed_exports(study: Study, paths: Results) -> list[ProblemsRow]:
     """List what the export stage could not write, and why."""
     files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
     return [
@@ -308,7 +335,7 @@ def _failed_exports(study: Study, paths: Results) -> list[Row]:
     ]
 
 
-def _failed_pages(study: Study, paths: Results) -> Iterator[Row]:
+def _failed_pages(study: Study, paths: Results) -> Iterator[ProblemsRow]:
     """Pages of subjects that could not be made, and why."""
     for who in study.sessions:
         file = paths.subject_pages(*who) / FAILED_PAGES
@@ -317,11 +344,11 @@ def _failed_pages(study: Study, paths: Results) -> Iterator[Row]:
             yield _problem(who, "subject_pages", message, task=page)
 
 
-def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:
+def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> ProblemsRow:
     return problem_row(stage, finding_of_text("", REFUSED, message), **who._asdict(), **where)
 
 
-def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
+def _study_rows(path: Path, table: Table, failures: list[ProblemsRow]) -> list[Any]:
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected a {table.name} table")
     failure = read_metadata(path).get("failure")

@@ -84,7 +84,7 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
     """A hand: its picture, its joints under every model, the leading one's first; what to record next."""
     model = results.leading
     caption, still = _still(results, hand)
-    rows, gains = (of.get((hand, model), []) for of in (results.joints_of, results.gains_of))
+    rows, gains = results.joints_of.get((hand, model), []), results.gains_of.get((hand, model), [])
     tables = [
         Folded(
             f"{name}: {believed_counts(results.joints_of.get((hand, name), []))}",

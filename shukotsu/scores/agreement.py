@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.catalogue import LENGTH_PULLS
 from shukotsu.tables.typed_table import read_table, rows_of
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import AgreementRow, LengthPullsRow
 
 ACROSS = ("session", "hand", "recording")
 """In what two estimates of one person's bone may differ, all else being the same."""
@@ -47,7 +48,13 @@ class Estimate:
 
     @classmethod
     def of(
-        cls, pulls: Sequence[Row], session: str, hand: str, recordings: Iterable[str], *, is_whole: bool
+        cls,
+        pulls: Sequence[LengthPullsRow],
+        session: str,
+        hand: str,
+        recordings: Iterable[str],
+        *,
+        is_whole: bool,
     ) -> Estimate:
         """Return the estimate that one bone's rows of length_pulls are of."""
         by_unknown = {(row["unknown"], row["group"]): row["pull_mm"] for row in pulls}
@@ -62,12 +69,12 @@ class Estimate:
         return differ[0] if len(differ) == 1 and self.is_whole and other.is_whole else ""
 
 
-def agreement(plans: Iterable[SubjectPlan]) -> list[Row]:
+def agreement(plans: Iterable[SubjectPlan]) -> list[AgreementRow]:
     """Rows of agreement: all pairs of a subject's estimates, of hands that no finding doubts."""
     estimates: dict[tuple[str, str, str], list[Estimate]] = defaultdict(list)
     for plan in plans:
         doubted = plan.checked(plan.table("findings")).doubted
-        pulls: dict[tuple[str, ...], list[Row]] = defaultdict(list)
+        pulls: dict[tuple[str, ...], list[LengthPullsRow]] = defaultdict(list)
         for file in plan.files_of(LENGTH_PULLS.name):
             for row in rows_of(read_table(file, LENGTH_PULLS)):
                 pulls[row["hand"], row["model"], row["made_without"], row["bone"]].append(row)
@@ -83,7 +90,7 @@ def agreement(plans: Iterable[SubjectPlan]) -> list[Row]:
     ]
 
 
-def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[Row]:
+def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[AgreementRow]:
     """Compare every two estimates of one bone that differ in one thing."""
     for first, second in combinations(estimates, 2):
         if across := first.across(second):
@@ -98,7 +105,8 @@ def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[Row]:
                 "across": across,
                 "session": "" if across == "session" else first.session,
                 "hand": "" if across == "hand" else first.hand,
-                **dict(zip(("first", "second"), names, strict=True)),
+                "first": names[0],
+                "second": names[1],
                 "difference_mm": difference_mm,
                 "sd_mm": sd_mm,
                 "z": difference_mm / sd_mm,

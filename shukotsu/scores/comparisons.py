@@ -15,11 +15,12 @@ import json
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from shukotsu.arrays import Array
 from shukotsu.scores.observations import (
     ERROR_COLUMNS,
     METRICS,
@@ -30,7 +31,7 @@ from shukotsu.scores.observations import (
     ScoredStudy,
     observations,
 )
-from shukotsu.scores.paired_statistics import EQUAL, Array, holm, paired_difference, smallest_p
+from shukotsu.scores.paired_statistics import EQUAL, holm, paired_difference, smallest_p
 from shukotsu.study.model import read_model, the_papers
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study
@@ -45,7 +46,8 @@ from shukotsu.tables.catalogue import (
 )
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import ModelDifferencesRow, ModelPairsRow, ModelValuesRow
 
 ALL_DIGITS = ""
 NOT_SCORED = "not scored"
@@ -55,9 +57,9 @@ NOT_SCORED = "not scored"
 class ComparedModels:
     """Rows of the tables model_values, model_pairs and model_differences."""
 
-    values: list[Row] = field(default_factory=list)
-    pairs: list[Row] = field(default_factory=list)
-    differences: list[Row] = field(default_factory=list)
+    values: list[ModelValuesRow] = field(default_factory=list)
+    pairs: list[ModelPairsRow] = field(default_factory=list)
+    differences: list[ModelDifferencesRow] = field(default_factory=list)
 
 
 def compare_models(study: ScoredStudy) -> ComparedModels:
@@ -107,7 +109,7 @@ def _compare(
     if metric.fitted_only or len(models) == 1:
         baseline = PRIOR if PRIOR in present else models[0]
         others = [baseline]
-    of_metric: Row = {"metric": metric.name, "unit": metric.unit}
+    of_metric: Any = {"metric": metric.name, "unit": metric.unit}  # columns of all three tables
     scopes = dict(_scopes(study, seen))
     references = [name for name in metric.references if name in present]
     for digit, places in scopes.items():
@@ -118,7 +120,7 @@ def _compare(
     of_metric |= {"table": metric.table, "held_out": held_out, "n_subjects": len(study.subjects)}
     for other in others:
         for family in ([ALL_DIGITS], [digit for digit in scopes if digit != ALL_DIGITS]):
-            rows: list[Row] = []
+            rows: list[ModelDifferencesRow] = []
             for model in models:
                 for digit in family if model != other else ():
                     shared = _shared_means(scopes[digit], model, other)
@@ -126,9 +128,10 @@ def _compare(
                     compared.pairs += [of_pair | pair for pair in shared]
                     rows.append(of_pair | {"baseline": other == baseline} | _difference(shared))
             n_comparisons = sum(row["p"] is not None for row in rows)
-            for name in ("p", "smallest_p"):
-                for row, p_holm in zip(rows, holm([row[name] for row in rows]), strict=True):
-                    row |= {f"{name}_holm": p_holm, "n_comparisons": n_comparisons}
+            p_holm, smallest_p_holm = (holm([row[name] for row in rows]) for name in ("p", "smallest_p"))
+            for row, *corrected in zip(rows, p_holm, smallest_p_holm, strict=True):
+                row["p_holm"], row["smallest_p_holm"] = corrected
+                row["n_comparisons"] = n_comparisons
             compared.differences += rows
 
 
@@ -149,7 +152,7 @@ def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.Da
 
 def _values(
     places: pd.DataFrame, subjects: Sequence[str], models: Sequence[str], references: Sequence[str]
-) -> Iterator[Row]:
+) -> Iterator[ModelValuesRow]:
     """Value of every subject under each model and reference, with the reasons for missing places.
 
     A place counts as missing where any of `models` was observed in it and this one has no number.
@@ -182,7 +185,7 @@ def _values(
             }
 
 
-def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[Row]:
+def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[ModelPairsRow]:
     """Means of two models for each subject, over the places in which both have a number."""
     values = places["value"].reindex(columns=[model, other]).astype(float).dropna().groupby(level="subject")
     counts = values.size()
@@ -198,17 +201,17 @@ def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[Row]:
     ]
 
 
-def _difference(shared: Sequence[Row]) -> Row:
+def _difference(shared: Sequence[ModelPairsRow]) -> ModelDifferencesRow:
     """Test of the subjects' differences between two models, not yet corrected for multiple comparisons."""
     n = len(shared)
-    row: Row = {"n_compared_subjects": n, "p": None, "smallest_p": None}
+    row: ModelDifferencesRow = {"n_compared_subjects": n, "p": None, "smallest_p": None}
     if not n:
         return row
     d: Array = np.array([pair["difference"] for pair in shared])
     d = np.where(np.abs(d) <= EQUAL, 0.0, d)
     tested = paired_difference(d)
     low, high = tested.interval or (None, None)
-    return row | {
+    row |= {
         "mean": sum(pair["value"] for pair in shared) / n,
         "other_mean": sum(pair["other_value"] for pair in shared) / n,
         "mean_difference": math.fsum(d) / n,
@@ -221,6 +224,7 @@ def _difference(shared: Sequence[Row]) -> Row:
         "n_better": int((d < 0).sum()),
         "n_equal": int((d == 0).sum()),
     }
+    return row
 
 
 _HAND = ["subject", "session", "hand"]

@@ -8,8 +8,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,6 @@ from shukotsu.hand.rotations import Array, conjugate, rotate
 from shukotsu.scores.truth import (
     TIP,
     RecordingTruth,
-    Row,
     Stated,
     TrueDigit,
     at_frames,
@@ -50,6 +50,11 @@ from shukotsu.tables.catalogue import (
 from shukotsu.tables.parts import Part, open_parts
 from shukotsu.tables.poses import Poses, RecordingName, read_poses
 from shukotsu.tables.typed_table import Table, vector_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointErrorsRow, SkeletonScoresRow
+
+Scored = TypeVar("Scored", "SkeletonScoresRow", "JointErrorsRow")
 
 DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
 """References without a model: the tip taken to be the distal receiver, and the true skeleton."""
@@ -184,10 +189,9 @@ class EvaluatedRecording:
         """The recording's name."""
         return RecordingName(**self.recording.key)
 
-    def row(self, digit: str, model: str, message: str = "") -> Row:
+    def row(self, digit: str, model: str, message: str = "") -> SkeletonScoresRow:
         """Row of a reference that was made from no recording, without numbers yet."""
-        return {
-            **asdict(self.name),
+        row: SkeletonScoresRow = {
             "model": model,
             "calibrated_on": "",
             "held_out": True,
@@ -196,6 +200,9 @@ class EvaluatedRecording:
             "n_frames": 0,
             "message": join_reasons([self.message, message]),
         }
+        key: Any = self.recording.key
+        row |= key
+        return row
 
 
 def evaluated_recording(
@@ -233,7 +240,7 @@ def evaluated_recording(
     return EvaluatedRecording(recording, layout, poses, true, truth)
 
 
-def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
+def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[SkeletonScoresRow]:
     """Score one skeleton in one recording.
 
     Parameters
@@ -291,7 +298,7 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
     return rows
 
 
-def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> Row:
+def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> SkeletonScoresRow:
     """Tip errors of one digit in one recording.
 
     A replay never uses the position of the distal receiver, so for a model that poses no whole hand its error
@@ -320,15 +327,15 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
         left_out = mean_and_p95("left_out", nothing if posed is None else posed[:, -1])
     else:
         left_out = {name.replace("replay", "left_out"): row[name] for name in row}
-    return {
-        **row,
-        **left_out,
+    numbers: SkeletonScoresRow = {
         "posed_mean_mm": float(error_mm.mean()) if len(error_mm) else None,
         "n_frames": max(len(replay), len(error_mm)),
     }
+    numbers |= row | left_out
+    return numbers
 
 
-def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> Row:
+def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> SkeletonScoresRow:
     """Mean and 95th percentile of the distance from tips to the true tips.
 
     Parameters
@@ -347,7 +354,8 @@ def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigi
 
     """
     apart = np.linalg.norm(tip_mm - at_frames(true.tip_mm, true.frame, frame), axis=-1)
-    return mean_and_p95("true_tip", apart)
+    numbers: SkeletonScoresRow = mean_and_p95("true_tip", apart)
+    return numbers
 
 
 def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
@@ -410,7 +418,7 @@ def finite_values(values: Array) -> Array:
     return values[np.isfinite(values)]
 
 
-def mean_and_p95(name: str, values_mm: Array) -> Row:
+def mean_and_p95(name: str, values_mm: Array) -> Any:
     """Columns NAME_mean_mm and NAME_p95_mm of the finite values (T,); empty where there is none."""
     values_mm = finite_values(values_mm)
     if not len(values_mm):
@@ -426,7 +434,7 @@ def _child_mm(joints: Rows, name: str) -> Array | None:
     return vector_of(row, "child_", "_mm")
 
 
-def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
+def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonScoresRow:
     """Row of the reference distal-receiver: tip error 0, and the receiver's distance to the true tip."""
     row, poses = recording.row(digit.name, DISTAL_RECEIVER), recording.poses
     if poses is None:
@@ -441,7 +449,7 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
     return row
 
 
-def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None:
+def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonScoresRow | None:
     """Row of the reference true-skeleton, replayed like any other: its errors are those of skin and tracker.
 
     The metacarpal is the true one in every frame; the true tip is fixed at its mean position in the distal
@@ -490,7 +498,7 @@ def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
     return np.asarray(vector_of(joints[digit.joints[1]], "parent_", "_mm") - back[seen].mean(0))
 
 
-def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
+def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow], list[JointErrorsRow]]:
     """Score all skeletons and references of a hand.
 
     A model that never used a task is the same with and without it, so only the first row of each key is kept.
@@ -526,18 +534,21 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
             for recording in plan.evaluated(hand)
             for row in _score_rows(evaluated_recording(plan, recording, truths.get(recording)), skeletons)
         ]
-    errors = []
+    errors: list[JointErrorsRow] = []
     for skeleton in skeletons:
         truth = truth_for(skeleton.tasks, list(truths.values()))
         if truth is not None:
-            keys = {"model": skeleton.reader.part.model, "calibrated_on": skeleton.calibrated_on}
-            errors += [keys | row for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
+            keys: JointErrorsRow = {
+                "model": skeleton.reader.part.model,
+                "calibrated_on": skeleton.calibrated_on,
+            }
+            errors += [{**keys, **row} for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
     return _first_of_each(scores, SKELETON_SCORES.key), _first_of_each(errors, JOINT_ERRORS.key)
 
 
-def _first_of_each(rows: Sequence[Row], key: Sequence[str]) -> list[Row]:
+def _first_of_each(rows: Sequence[Scored], key: Sequence[str]) -> list[Scored]:
     """The first row of each key."""
-    first: dict[tuple[object, ...], Row] = {}
+    first: dict[tuple[object, ...], Scored] = {}
     for row in rows:
         first.setdefault(tuple(row.get(name) for name in key), row)
     return list(first.values())
@@ -556,7 +567,9 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
     return truths
 
 
-def _score_rows(recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]) -> Iterator[Row]:
+def _score_rows(
+    recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]
+) -> Iterator[SkeletonScoresRow]:
     """Rows of skeleton_scores of one recording: skeletons first, then the references without a model."""
     for skeleton in skeletons:
         if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables cover this recording

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtri, fdtri, nctdtrinc, stdtrit
+
+from shukotsu.arrays import Array, Float
 
 LEVEL = 0.05
 """Accepted rate of false positives in a family of comparisons; intervals have the level 1 - LEVEL."""
@@ -49,7 +50,6 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
     return corrected
 
 
-Array = npt.NDArray[np.float64]
 Interval = tuple[float, float]
 
 N_FLIPS = 20_000
@@ -82,7 +82,7 @@ class Difference:
     effect_interval: Interval | None
 
 
-def paired_difference(differences: Array) -> Difference:
+def paired_difference(differences: Float[Array, " n"]) -> Difference:
     """Test the mean of paired differences: sign flips, Student's interval, Hedges' effect size.
 
     Parameters
@@ -107,7 +107,7 @@ def paired_difference(differences: Array) -> Difference:
     return Difference(sign_flip_p(d), interval, *effect)
 
 
-def sign_flip_p(differences: Array) -> float:
+def sign_flip_p(differences: Float[Array, " n"]) -> float:
     """Two-sided p of the mean of differences, by flipping their signs.
 
     Parameters
@@ -178,7 +178,7 @@ FEWEST_IN_GROUP = 4
 """Subjects in a group below which its spread cannot be estimated."""
 
 
-def group_difference(values: Array, others: Array) -> Difference:
+def group_difference(values: Float[Array, " n"], others: Float[Array, " m"]) -> Difference:
     """Test the difference of the means of two groups with unequal variances.
 
     Parameters
@@ -251,7 +251,7 @@ class Reliability:
         return Z_95 * math.sqrt(2.0) * self.sem
 
 
-def reliability(values: Array) -> Reliability:
+def reliability(values: Float[Array, "n k"]) -> Reliability:
     """Repeatability of values over sessions, from the two-way analysis of variance.
 
     Parameters
@@ -282,7 +282,7 @@ def reliability(values: Array) -> Reliability:
     )
 
 
-def mean_squares(values: Array) -> tuple[float, float, float]:
+def mean_squares(values: Float[Array, "n k"]) -> tuple[float, float, float]:
     """Mean squares of a two-way table without replication.
 
     Parameters

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,9 @@ from shukotsu.tables.poses import Poses, RecordingName
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Table, read_table, rows_of, vector_columns, vector_of
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow, JointErrorsRow
+
 TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 OTHER_MM = 0.5
@@ -43,7 +45,7 @@ class Stated:
     """Joints and bones of a skeleton: rows of joint_centres by joint, and of bone_lengths by segment."""
 
     joints: Rows
-    bones: Rows
+    bones: Mapping[str, BoneLengthsRow]
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ def read_truth(folder: Path, name: RecordingName) -> RecordingTruth:
     return RecordingTruth(folder, name, stated)
 
 
-def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
+def _rows(folder: Path, table: Table, name: RecordingName) -> list[Any]:
     """Rows of one truth table; InputError where they are of another hand than the recording."""
     path = folder / f"{table.name}.parquet"
     with reading_what_was_brought():
@@ -264,10 +266,10 @@ def truth_for(tasks: Sequence[str], truths: Sequence[RecordingTruth]) -> Stated 
     return replace(stated[0], joints=joints)
 
 
-def _average_rows(rows: Sequence[Mapping[str, Any]]) -> Row:
+def _average_rows(rows: Sequence[JointCentresRow]) -> JointCentresRow:
     """One joint's rows of several recordings as one: centres and axes averaged, weighted by frames."""
     frames = [row["n_frames"] for row in rows]
-    mean = dict(rows[0])
+    mean: JointCentresRow = {**rows[0]}
     for side in ("parent_", "child_"):
         mean |= vector_columns(
             side, np.average([vector_of(row, side, "_mm") for row in rows], 0, frames), "_mm"
@@ -277,7 +279,7 @@ def _average_rows(rows: Sequence[Mapping[str, Any]]) -> Row:
     return mean
 
 
-def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
+def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[JointErrorsRow]:
     """Errors of every joint between two receivers whose truth is available.
 
     Parameters
@@ -298,15 +300,16 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
         true = truth.joints.get(joint.name)
         if true is None or not true["parent_segment"]:
             continue
-        row: Row = {"joint": joint.name, "bone": ""}
+        row: JointErrorsRow = {"joint": joint.name, "bone": ""}
         estimated = stated.joints.get(joint.name)
         if estimated is not None and estimated["status"] != "failed":
             row |= centre_errors(estimated, true)
-        bone, length = stated.bones.get(joint.child), truth.bones.get(joint.child, {}).get("length_mm")
+        bone, true_bone = stated.bones.get(joint.child), truth.bones.get(joint.child)
+        length = None if true_bone is None else true_bone["length_mm"]
         # a bone that starts at the wrist, or ends at the distal receiver, is not the bone itself
         stated_mm = None
         if bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER:
-            ends = (stated.joints.get(bone[end], {}) for end in ("starts_at", "ends_at"))
+            ends = (stated.joints.get(end, {}) for end in (bone["starts_at"], bone["ends_at"]))
             if all(end.get("reason") != NOT_WORN for end in ends):  # else anatomy's alone
                 stated_mm = bone["length_mm"]
         if stated_mm is not None and length is not None:
@@ -316,7 +319,7 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
     return rows
 
 
-def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
+def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> JointErrorsRow:
     """Errors of one joint by its rows of joint_centres; each half is held against its own covariance."""
     child, parent = (
         vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from shukotsu.arrays import Array
 from shukotsu.hand import rotations
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.random_hand import (
     ABDUCTION,
     AXIAL,

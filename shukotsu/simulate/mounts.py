@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.hand import rotations
 from shukotsu.hand.drawn_hands import drawn
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses
 from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, RandomHand
 from shukotsu.simulate.realism import Realism, generator

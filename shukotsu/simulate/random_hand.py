@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.hand import rotations
 from shukotsu.hand.drawn_hands import CT, SOURCES, DrawnHand, blend_hands, drawn
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.realism import Realism, generator
 
 DIGITS = tuple(CT)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError, count_of
 from shukotsu.hand import rotations
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses, flexion_axis, relaxed_angles
 from shukotsu.simulate.mounts import Mounts, displace, mounts_of, on_skin, saturating, skin_of
 from shukotsu.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, RandomHand, hand_of

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.arrays import Array
 from shukotsu.hand import rotations
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import coupled_angles, poses_in_hand
 from shukotsu.simulate.random_hand import (
     ABDUCTION,

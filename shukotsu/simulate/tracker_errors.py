@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.hand import rotations
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.realism import generator
 from shukotsu.simulate.task_motion import RATE_HZ
 

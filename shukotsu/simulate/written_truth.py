@@ -19,16 +19,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.verdict import UNJUDGED
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
 from shukotsu.tables.typed_table import Column, Provenance, columns_from_rows, vector_columns, write_table
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
 
 MODEL_NAME = "truth"
 
@@ -56,55 +59,54 @@ def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> N
         write_table(folder / f"{table.name}.parquet", table, columns, provenance)
 
 
-def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
+def _joint_rows(simulated: Simulated) -> list[JointCentresRow]:
     """Rows of joint_centres."""
-    return [
-        {
-            **_keys(simulated),
+    rows = []
+    for joint in simulated.truth.joints.values():
+        row: JointCentresRow = {
             "joint": joint.name,
             "parent_segment": joint.parent_segment,
             "child_segment": joint.child_segment,
             "dof": joint.dof,
-            **vector_columns("parent_", joint.parent_mm, "_mm"),
-            **vector_columns("child_", joint.child_mm, "_mm"),
-            **vector_columns("axis_parent_", joint.axis_parent),
-            **vector_columns("axis_child_", joint.axis_child),
             "sd_mm": 0.0,
             "gap_rms_mm": float(np.sqrt(np.mean(joint.gap_mm**2))),
             "range_deg": joint.range_deg,
             "n_frames": len(simulated.frame),
             "source": "simulation",
-            **UNJUDGED,
             "status": "ok",
             "message": "" if joint.parent_segment else "no parent receiver",
         }
-        for joint in simulated.truth.joints.values()
-    ]
+        row |= _keys(simulated) | UNJUDGED
+        row |= vector_columns("parent_", joint.parent_mm, "_mm")
+        row |= vector_columns("child_", joint.child_mm, "_mm")
+        row |= vector_columns("axis_parent_", joint.axis_parent)
+        row |= vector_columns("axis_child_", joint.axis_child)
+        rows.append(row)
+    return rows
 
 
-def _keys(simulated: Simulated) -> dict[str, str]:
+def _keys(simulated: Simulated) -> Any:
     """Key columns of the truth's rows."""
     whose = {"subject": simulated.subject, "session": simulated.session, "hand": simulated.hand}
     return {**whose, "model": MODEL_NAME, "made_without": ""}
 
 
-def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
+def _bone_rows(simulated: Simulated) -> list[BoneLengthsRow]:
     """Rows of bone_lengths; the vector of a bone with a receiver is in that receiver's frame."""
     rows = []
     for bone in range(BONES.index("thumb_metacarpal"), len(BONES)):
         name, length_mm = BONES[bone], float(simulated.truth.hand.length_mm[bone])
-        row = {
-            **_keys(simulated),
+        row: BoneLengthsRow = {
             "digit": name.split("_")[0],
             "bone": name,
             "starts_at": JOINTS[bone - 1],
             "ends_at": BONE_TIP if bone in TIP_BONES else JOINTS[list(PARENT).index(bone)],
             "length_mm": length_mm,
             "sd_mm": 0.0,
-            **UNJUDGED,
             "message": "",
             "driven_by": name if name in simulated.truth.mounts.segments else "",
         }
+        row |= _keys(simulated) | UNJUDGED
         if row["driven_by"]:
             along = simulated.truth.along[simulated.truth.mounts.segments.index(name)]
             row |= vector_columns("", length_mm * along, "_mm")

@@ -11,12 +11,15 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import yaml
 
 from shukotsu.resources import ROOT
 from shukotsu.translation import N_, filled, foreign, listed, ngettext, tr, word
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import FindingsRow, MovedReceiversRow, ProblemsRow
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
@@ -26,7 +29,6 @@ STAGE = "check_recordings"
 LEAST_LOST = 2.0
 """Percent of a receiver's poses in a recording; fewer that are left out change no number that is shown."""
 
-Row = dict[str, Any]
 """A row of the problems table, or of the findings table."""
 
 Values = Mapping[str, Any]
@@ -162,16 +164,19 @@ def plain(value: Any) -> Any:
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
-def problem_row(stage: str, finding: Finding, **where: str) -> dict[str, str]:
+def problem_row(stage: str, finding: Finding, **where: str) -> ProblemsRow:
     """Return a row of the problems table; where : what it is about, of its first columns."""
-    whole = dict.fromkeys(("subject", "session", "hand", "task", "model"), "")
-    return {**whole, **where, "stage": stage, **finding.columns}
+    columns: Any = dict.fromkeys(("subject", "session", "hand", "task", "model"), "")
+    row: ProblemsRow = {"stage": stage}
+    row |= columns | where | finding.columns
+    return row
 
 
-def problem_of(row: Mapping[str, Any]) -> dict[str, Any]:
+def problem_of(row: FindingsRow) -> ProblemsRow:
     """Return a row of the findings table as the problems table has it."""
-    kept = {name: value for name, value in row.items() if name != "trial"}
-    return {**kept, "task": title_of(row), "model": "", "stage": STAGE}
+    kept: Any = {name: value for name, value in row.items() if name != "trial"}
+    problem: ProblemsRow = kept | {"task": title_of(row), "model": "", "stage": STAGE}
+    return problem
 
 
 def title_of(row: Mapping[str, Any]) -> str:
@@ -179,7 +184,7 @@ def title_of(row: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, (row["task"], row["trial"])))
 
 
-def moved_finding(row: Mapping[str, Any]) -> Finding:
+def moved_finding(row: MovedReceiversRow) -> Finding:
     """Return the finding of a row of moved_receivers."""
     is_timed = row["from_s"] is not None and math.isfinite(row["from_s"])
     values = {
@@ -237,7 +242,7 @@ class Seen:
     shows it there. Both are empty where the fault's text says it all.
     """
 
-    row: Row
+    row: ProblemsRow
     what: str = ""
     evidence: str = ""
 
@@ -252,23 +257,23 @@ class Fault:
     seen: tuple[Seen, ...]
 
 
-def row_sentence(row: Row) -> str:
+def row_sentence(row: ProblemsRow) -> str:
     """Return the sentence of one row."""
     return finding_of(row).message or foreign(row["message"])
 
 
-def faults(rows: Iterable[Row]) -> list[Fault]:
+def faults(rows: Iterable[ProblemsRow]) -> list[Fault]:
     """Put rows of one fault together: of the same kind, variant, severity, cure and reason to accept it."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
+    groups: dict[tuple[str, ...], list[ProblemsRow]] = {}
     for row in rows:
         finding = finding_of(row)
         cure = finding.cure if finding.key in MISTAKES else row["message"]
         names = ("stage", "kind", "variant", "severity", "accepted")
-        groups.setdefault((*(row.get(name, "") for name in names), cure), []).append(row)
+        groups.setdefault((*(str(row.get(name, "")) for name in names), cure), []).append(row)
     return [_fault(alike) for alike in groups.values()]
 
 
-def _fault(rows: list[Row]) -> Fault:
+def _fault(rows: list[ProblemsRow]) -> Fault:
     findings = [finding_of(row) for row in rows]
     first = findings[0]
     if len(rows) == 1 or first.key not in MISTAKES:

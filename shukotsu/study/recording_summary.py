@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError, TableError
 from shukotsu.study.findings import (
     NOTE,
@@ -37,26 +38,29 @@ from shukotsu.tables.catalogue import (
     RECORDINGS,
     TABLES,
 )
-from shukotsu.tables.device_clock import Array, device_clock
+from shukotsu.tables.device_clock import device_clock
 from shukotsu.tables.parts import part_metadata
 from shukotsu.tables.typed_table import (
     Table,
     column_array,
+    key_of,
     read_metadata,
     read_row_groups,
     read_table,
     rows_of,
+    vector_of,
 )
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import ClocksRow, MovedReceiversRow, ProblemsRow, ReceiversRow, RecordingsRow
 
 
 @dataclass(frozen=True)
 class SubjectTables:
     """A subject's rows of the tables recordings and problems, and the gathered ones, of whole skeletons."""
 
-    recordings: list[Row]
-    problems: list[Row]
+    recordings: list[RecordingsRow]
+    problems: list[ProblemsRow]
     tables: Mapping[str, pa.Table]
 
 
@@ -65,21 +69,22 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
 
     A recording that a finding refuses is not called used.
     """
-    recordings, problems = [], []
+    recordings: list[RecordingsRow] = []
+    problems: list[ProblemsRow] = []
     for recording in plan.recordings:
         row, findings = recording_row(recording, plan.poses(recording))
         where = {**vars(recording.hand), "task": recording.title}
         problems += [problem_row("capture", finding, **where) for finding in findings]
         recordings.append(row)
-    by_name = {tuple(row[key] for key in RECORDINGS.key): row for row in recordings}
+    by_name = {key_of(row, RECORDINGS.key): row for row in recordings}
     for finding in rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)):
-        row = by_name[tuple(finding[key] for key in RECORDINGS.key)]
+        row = by_name[key_of(finding, RECORDINGS.key)]
         if finding["severity"] == REFUSED and row["status"] == "used":
             row |= {"status": REFUSED, "message": finding["message"]}
         problems.append(problem_of(finding))
     tables = {}
     accepted = {(recording.hand.hand, recording.title): recording.accept for recording in plan.recordings}
-    problems_of_rows: dict[str, Callable[[pa.Table, Accepted], list[Row]]] = {
+    problems_of_rows: dict[str, Callable[[pa.Table, Accepted], list[ProblemsRow]]] = {
         RECEIVERS.name: _receiver_problems,
         MOVED_RECEIVERS.name: _moved_problems,
         CLOCKS.name: _clock_problems,
@@ -102,7 +107,7 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
     return SubjectTables(recordings, problems, tables)
 
 
-def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[ProblemsRow]:
     """Name parts that failed, and what a stage notes of others."""
     for part, parameters in part_metadata(file, table).items():
         where = {**vars(plan.hand(part.hand)), "model": part.model}
@@ -122,18 +127,19 @@ Accepted = Mapping[tuple[str, str], str]
 """By hand and recording, the reason of a study that lets its suspect findings stand."""
 
 
-def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Row]:
+def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
     """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
     disturbed field once for all receivers that are in it.
 
     A receiver without a valid pose is named with its recording.
     """
-    problems, in_field = [], dict[tuple[str, ...], list[Row]]()
+    problems = []
+    in_field: dict[tuple[str, ...], list[ReceiversRow]] = {}
     for row in rows_of(receivers):
         if not row["message"] or row["status"] == "failed":
             continue
         if row["loose_kind"] == "field":
-            in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
+            in_field.setdefault(key_of(row, OF_A_MODEL), []).append(row)
             continue
         values = {"segment": row["segment"], "text": row["message"]}
         severity = severity_of_loss(100 * (row["left_out_share"] or 0.0))
@@ -150,7 +156,7 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Row]:
     return problems
 
 
-def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[Row]:
+def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
     """Receivers that sit elsewhere in a recording than in the calibration, whose frames there are lost."""
     return [
         _of_recording(
@@ -160,30 +166,27 @@ def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[Row]:
     ]
 
 
-def _of_recording(stage: str, finding: Finding, row: Row) -> Row:
+def _of_recording(stage: str, finding: Finding, row: MovedReceiversRow | ClocksRow) -> ProblemsRow:
     return problem_row(stage, finding, **_hand_of(row), task=title_of(row))
 
 
-def _hand_of(row: Row) -> dict[str, str]:
+def _hand_of(row: Mapping[str, Any]) -> dict[str, str]:
     return {key: row[key] for key in ("subject", "session", "hand")}
 
 
-def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
+def _field_values(rows: Sequence[ReceiversRow]) -> dict[str, Any]:
     """Summarise a disturbed field's effect on the receivers in it, from their rows."""
-    mm, deg, share = (
-        max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
-    )
     return {
-        **{axis: rows[0][f"field_{axis}_mm"] for axis in "xyz"},
+        **dict(zip("xyz", vector_of(rows[0], "field_", "_mm").tolist(), strict=True)),
         "count": len(rows),
-        "mm": mm,
-        "deg": deg,
-        "percent": 100 * share,
+        "mm": max(row["loose_shift_mm"] for row in rows),
+        "deg": max(row["loose_turn_deg"] for row in rows),
+        "percent": 100 * max(row["left_out_share"] for row in rows),
         "segments": [row["segment"] for row in rows],
     }
 
 
-def _joint_problems(joints: pa.Table, _: Accepted) -> list[Row]:
+def _joint_problems(joints: pa.Table, _: Accepted) -> list[ProblemsRow]:
     """Neighbouring MCP centres that are nearer to each other than any hand has them, under each model."""
     return [
         problem_row(
@@ -196,20 +199,19 @@ def _joint_problems(joints: pa.Table, _: Accepted) -> list[Row]:
     ]
 
 
-def _clock_problems(clocks: pa.Table, _: Accepted) -> list[Row]:
+def _clock_problems(clocks: pa.Table, _: Accepted) -> list[ProblemsRow]:
     """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
     unsure = [row for row in rows_of(clocks) if row["status"] in ("weak", "failed")]
     findings = [finding_of_text("events", NOTE, row["message"]) for row in unsure]
     return [_of_recording("align_events", *each) for each in zip(findings, unsure, strict=True)]
 
 
-def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]]:
+def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, list[Finding]]:
     """Return the recording's row of the recordings table, and the problems with it.
 
     poses : the recording's poses table; an excluded recording needs none.
     """
-    row: Row = {
-        **recording.key,
+    row: RecordingsRow = {
         "role": recording.role,
         "file": recording.file_as_written,
         "status": "used",
@@ -217,6 +219,8 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
         "n_receivers": 0,
         "message": "",
     }
+    key: Any = recording.key
+    row |= key
     if recording.exclude:
         return row | {"status": "excluded", "message": recording.exclude}, []
     try:

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from shukotsu.arrays import Array
 
 CHI_SQUARE_95 = 7.815
 """95 % of squared Mahalanobis distances in three dimensions are smaller (chi-squared, 3 degrees)."""

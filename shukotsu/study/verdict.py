@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shukotsu.study.stated_error import halves_mm2, radius_95_mm
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
 
 BELIEVE, CARE, NO = "believe", "care", "no"
 VERDICTS = (BELIEVE, CARE, NO)
@@ -77,12 +80,12 @@ LIMITS: Mapping[str, str] = {
 a large error stands before that error.
 """
 
-UNJUDGED: Mapping[str, str] = {"verdict": "", "reason": "", "reason_values": ""}
+UNJUDGED: Any = {"verdict": "", "reason": "", "reason_values": ""}
 """Columns of a row that is not judged, such as the truth's or one that is on its way to joint_centres."""
 
 
-def note_doubts(doubts: Doubts) -> dict[str, str]:
-    """Return columns of a row that is judged later: what its stage knows against it."""
+def note_doubts(doubts: Doubts) -> Any:
+    """Return columns of a row of joint_centres that is judged later: what its stage knows against it."""
     return {**UNJUDGED, "reason_values": _text(doubts)}
 
 
@@ -92,30 +95,31 @@ def doubts_of(row: Mapping[str, Any]) -> dict[str, Values]:
     return dict(json.loads(text)) if text else {}
 
 
-def judged_joint(row: Mapping[str, Any], wanted_mm: float, doubts: Doubts | None = None) -> dict[str, Any]:
+def judged_joint(row: JointCentresRow, wanted_mm: float, doubts: Doubts | None = None) -> JointCentresRow:
     """Return a row of joint_centres with verdict, reason, reason_values, status, by its numbers and doubts.
 
     doubts : beside those that its stage noted. wanted_mm : 1-sigma error in 3-D that the study asks.
     """
     noted_before = {kind: values for kind, values in doubts_of(row).items() if kind not in _BY_NUMBERS}
-    if row["status"] == "failed":
-        return _judge(row, {NOT_SOLVED: {}, **(doubts or {})}, wanted_mm)
-    return _judge(row, {**_by_numbers(row, wanted_mm), **noted_before, **(doubts or {})}, wanted_mm)
+    failed = row["status"] == "failed"
+    of_row: Doubts = {NOT_SOLVED: {}} if failed else {**_by_numbers(row, wanted_mm), **noted_before}
+    judged: JointCentresRow = _judge(row, {**of_row, **(doubts or {})}, wanted_mm)
+    return judged
 
 
 def judged_bone(
-    bone: Mapping[str, Any], joints: Mapping[str, Mapping[str, Any]], wanted_mm: float, *, is_whole: bool
-) -> dict[str, Any]:
+    bone: BoneLengthsRow, joints: Mapping[str, JointCentresRow], wanted_mm: float, *, is_whole: bool
+) -> BoneLengthsRow:
     """Return a row of bone_lengths with its verdict: the worst of the joints at its ends and its error.
 
     joints : judged rows of joint_centres by joint. is_whole : whether it is the bone itself, and neither
     starts at the wrist nor ends at a receiver.
     """
+    judged: BoneLengthsRow
     if bone["length_mm"] is None or not np.isfinite(bone["length_mm"]):
-        return _judge(bone, {NO_LENGTH: {}}, wanted_mm)
-    ends = {
-        bone[end]: joints[bone[end]]["verdict"] for end in ("starts_at", "ends_at") if bone[end] in joints
-    }
+        judged = _judge(bone, {NO_LENGTH: {}}, wanted_mm)
+        return judged
+    ends = {end: joints[end]["verdict"] for end in (bone["starts_at"], bone["ends_at"]) if end in joints}
     worst = max(ends.values(), key=VERDICTS.index, default=BELIEVE)
     doubts: dict[str, Values] = {}
     if worst != BELIEVE:
@@ -125,11 +129,14 @@ def judged_bone(
         }
     if not is_whole:
         doubts[NOT_THE_BONE] = {}
-    return _judge(bone, doubts | _error(bone["sd_mm"], None, wanted_mm), wanted_mm)
+    judged = _judge(bone, doubts | _error(bone["sd_mm"], None, wanted_mm), wanted_mm)
+    return judged
 
 
-def _judge(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> dict[str, Any]:
-    """Return the row with the best verdict that all doubts allow, its reason and its status."""
+def _judge(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> Any:
+    """Return the row of joint_centres or bone_lengths with the best verdict that all doubts allow, its reason
+    and its status.
+    """
     verdict = BELIEVE
     for kind, values in doubts.items():
         limit = LIMITS[kind]

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from shukotsu.arrays import Array, Integers
 
 LEAST_S, LEAST_STEPS = 0.5, 10.0
 """Deviations count as breaks of the clock beyond both limits: in s, and in usual steps."""
@@ -86,9 +85,7 @@ class ClockBreak:
     by_s: float
 
 
-def device_clock(
-    time_s: Array, frame: npt.NDArray[np.int64] | None = None
-) -> tuple[float | None, list[ClockBreak]]:
+def device_clock(time_s: Array, frame: Integers | None = None) -> tuple[float | None, list[ClockBreak]]:
     """Duration of a recording by its clock, and the breaks of the clock.
 
     Parameters

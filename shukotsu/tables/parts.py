@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, TableError, count_of, list_names
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand, SubjectSession
@@ -36,8 +36,6 @@ from shukotsu.tables.whole_files import remedy_of
 
 PARTS_KEY = "shukotsu_parts"
 """Key of the file-level metadata: a JSON list with one object per part."""
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -180,17 +178,17 @@ class PartsReader:
             raise InputError(self._parts[part]["failure"])
         return _named_keys(self._file.table, part)
 
-    def rows(self, part: Part) -> list[dict[str, Any]]:
+    def rows(self, part: Part) -> list[Any]:
         """Rows of a part of a short table, which is read as a whole on first use. Raises InputError as
         `part`.
         """
         return self._rows.get(tuple(self._keys(part).values()), [])
 
     @cached_property
-    def _rows(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
+    def _rows(self) -> dict[tuple[str, ...], list[Any]]:
         """Rows by the keys of their parts."""
         names = [*_named_keys(self._file.table, Part(""))]
-        by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+        by_part: dict[tuple[str, ...], list[Any]] = {}
         for row in rows_of(self._file.read()):
             by_part.setdefault(tuple(row[name] for name in names), []).append(row)
         return by_part
@@ -211,7 +209,7 @@ class PartsReader:
         by: str,
         columns: Sequence[str],
         n_frames: int | None = None,
-        frames: npt.NDArray[np.int64] | None = None,
+        frames: Integers | None = None,
         name: str = "",
     ) -> dict[str, Array]:
         """Read columns of one recording from a frame-by-frame table as arrays.

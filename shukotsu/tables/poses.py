@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.limits import FARTHEST_MM
@@ -23,8 +24,6 @@ from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import TableFile, column_array, open_table, read_metadata
 from shukotsu.tables.whole_files import file_state
-
-Array = npt.NDArray[np.float64]
 
 BLOCK_FRAMES = 1 << 16
 
@@ -77,17 +76,17 @@ class Poses:
     """
 
     segments: tuple[str, ...]
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     time_s: Array
     position_mm: Array
     quaternion: Array
-    valid: npt.NDArray[np.bool_]
+    valid: Bools
 
     def index(self, segment: str) -> int:
         """Index of the segment in the second dimension."""
         return self.segments.index(segment)
 
-    def take(self, rows: slice | npt.NDArray[np.int64]) -> Poses:
+    def take(self, rows: slice | Integers) -> Poses:
         """Poses of the selected frames."""
         return Poses(
             self.segments,

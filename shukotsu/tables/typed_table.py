@@ -340,8 +340,8 @@ def read_metadata(path: Path, expected: str = f"a table of {PROGRAM}") -> dict[s
         return _metadata(path, file.schema_arrow)
 
 
-def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
-    """Rows of a small table as dictionaries, null as None."""
+def rows_of(table: pa.Table) -> Iterator[Any]:
+    """Rows of a small table as dictionaries, null as None; who reads them names their type, of rows.pyi."""
     for batch in table.to_batches():
         yield from batch.to_pylist()
 
@@ -351,8 +351,13 @@ def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
     return np.asarray(table.column(name).to_numpy())
 
 
-def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> dict[str, float]:
-    """Columns of a row for the components of a vector (3,), named by axis."""
+def key_of(row: Mapping[str, Any], columns: Sequence[str]) -> tuple[Any, ...]:
+    """Return the values of a row in those columns, which tell it from others."""
+    return tuple(row[name] for name in columns)
+
+
+def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> Any:
+    """Columns for the components of a vector (3,), named by axis, as floats; part of any type of row."""
     return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
 
 

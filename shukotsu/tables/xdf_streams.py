@@ -18,13 +18,11 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.tables.limits import MEMORY_BYTES, MEMORY_PER_BYTE, check_regular
 from shukotsu.tables.text_files import reading
-
-Floats = npt.NDArray[np.float64]
 
 NUMBERS = ("double64", "float32", "int64", "int32", "int16", "int8")
 TEXT = "string"
@@ -80,9 +78,9 @@ class StreamSamples:
     """
 
     channels: tuple[StreamChannel, ...]
-    time_s: Floats
+    time_s: Array
     values: Any
-    offsets: Floats
+    offsets: Array
     notes: tuple[str, ...]
 
 

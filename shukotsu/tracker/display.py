@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.arrays import Integers
 from shukotsu.errors import InputError, count_of
 from shukotsu.tracker.families import FAMILIES, StreamSettings
 from shukotsu.tracker.liberty import SHORT_LIST, list_of_all, record_type
-from shukotsu.tracker.records import Wholes
 from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Heard, Losses, RecordBlock
 
 
@@ -106,7 +106,7 @@ class Statistics:
             "receivers": receivers,
         }
 
-    def _silences(self, gaps: Wholes) -> list[tuple[int, float, float]]:
+    def _silences(self, gaps: Integers) -> list[tuple[int, float, float]]:
         least = JITTER_S * self._settings.rate_hz
         return [
             (station, self._seconds(from_ns), self._seconds(to_ns))
@@ -114,7 +114,7 @@ class Statistics:
             if absent or (station == 0 and last - first + 1 > least)
         ]
 
-    def _count(self, receiver: Receiver, station: int, block: RecordBlock, rows: Wholes) -> None:
+    def _count(self, receiver: Receiver, station: int, block: RecordBlock, rows: Integers) -> None:
         records = block.records
         receiver.last_host_ns = int(block.host_ns[rows[-1]])
         errors = records.error[rows]

@@ -17,11 +17,11 @@ from fractions import Fraction
 
 import numpy as np
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.hand import rotations
 from shukotsu.tracker import liberty
 from shukotsu.tracker.families import MM_PER_UNIT
 from shukotsu.tracker.liberty import ITEMS, MOST_ITEMS, TAGS
-from shukotsu.tracker.records import Array, Bools, Wholes
 
 MAX_STATION = 16
 PERIOD_CYCLES = 960
@@ -43,7 +43,7 @@ class PlayedMotion:
     loop: bool = False
     notes: tuple[str, ...] = ()
 
-    def poses(self, count: Wholes, stations: Sequence[int]) -> tuple[Array, Array]:
+    def poses(self, count: Integers, stations: Sequence[int]) -> tuple[Array, Array]:
         """Return positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
 
         Both are NaN where there is no pose.
@@ -77,8 +77,8 @@ def built_in_motion() -> PlayedMotion:
 
 
 def recorded_motion(
-    frame: Wholes,
-    station: Wholes,
+    frame: Integers,
+    station: Integers,
     position_mm: Array,
     quaternion: Array,
     *,
@@ -194,11 +194,11 @@ class EmulatedLiberty:
         plugged = self.present(np.array([self.cycle]))[0]
         return tuple(s for s, there in zip(self.stations, plugged.tolist(), strict=True) if there)
 
-    def present(self, cycles: Wholes) -> Bools:
+    def present(self, cycles: Integers) -> Bools:
         """Whether each station of the device is plugged in, (T, S)."""
         return np.tile(np.isin(list(self.stations), list(self.plugged)), (len(cycles), 1))
 
-    def _encoded(self, cycles: Wholes, command: int) -> list[bytes]:
+    def _encoded(self, cycles: Integers, command: int) -> list[bytes]:
         """Measure cycles; return the bytes of each. command : what they answer."""
         present = self.present(cycles) & list(self.enabled.values())
         passed = cycles - self.counted_from
@@ -216,8 +216,8 @@ class EmulatedLiberty:
         ]
 
     def _numbers(
-        self, station: int, passed: Wholes, position_mm: Array, quaternion: Array
-    ) -> dict[str, Array | Wholes]:
+        self, station: int, passed: Integers, position_mm: Array, quaternion: Array
+    ) -> dict[str, Array | Integers]:
         """Return numbers of a station's records by the names of fields, each (T,)."""
         hemisphere = self.numbers[b"H", station]
         if hemisphere != FOLLOWING:  # outside its half of space a receiver is reported opposite
@@ -235,7 +235,7 @@ class EmulatedLiberty:
             **{name: np.full(len(passed), number) for name, number in _CONSTANTS.items()},
         }
 
-    def _binary(self, station: int, numbers: dict[str, Array | Wholes], command: int) -> list[bytes]:
+    def _binary(self, station: int, numbers: dict[str, Array | Integers], command: int) -> list[bytes]:
         items = [int(item) for item in self.numbers[b"O", station]]
         kind = liberty.record_type(items)
         rows = np.zeros(len(numbers["frame"]), kind)
@@ -247,7 +247,7 @@ class EmulatedLiberty:
         data, size = rows.tobytes(), kind.itemsize
         return [data[at : at + size] for at in range(0, len(data), size)]
 
-    def _text(self, station: int, numbers: dict[str, Array | Wholes], _command: int) -> list[bytes]:
+    def _text(self, station: int, numbers: dict[str, Array | Integers], _command: int) -> list[bytes]:
         """Records in text have the list of power-up, whatever was asked for."""
         columns = [numbers[name] for name in ("x", "y", "z", "azimuth", "elevation", "roll")]
         pattern = f"{station:02d}  " + "%8.3f " * 6 + "\r\n"

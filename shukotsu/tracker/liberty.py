@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker import records as protocol
 from shukotsu.tracker.families import MM_PER_UNIT, StreamSettings
-from shukotsu.tracker.records import Bools, Bytes, Decoded, Records, Reply, Wholes, doubtful_poses
+from shukotsu.tracker.records import Bytes, Decoded, Records, Reply, doubtful_poses
 
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""
@@ -208,7 +209,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
         at, size = self._starts(b), self._kind.itemsize
 
-        def are_good(indices: Wholes) -> Bools:
+        def are_good(indices: Integers) -> Bools:
             """Whether starts are all there and their numbers can be right, (M,) both."""
             good = at[indices] + size <= len(b)
             good[good] = ~self._records(b, at[indices[good]]).doubtful
@@ -224,7 +225,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         skipped = protocol.gaps(first, first + size, walk.position)
         return Decoded(self._records(b, first), skipped), walk.position
 
-    def _starts(self, b: Bytes) -> Wholes:
+    def _starts(self, b: Bytes) -> Integers:
         """Return the bytes of headers that can be ones, ascending."""
         heads = b[: max(0, len(b) - HEADER_BYTES + 1)]
         tagged = (heads == self._tag[0]) & (b[1 : len(heads) + 1] == self._tag[1])
@@ -234,7 +235,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         possible = self._is_station[station] & _IS_RECORD[command] & _IS_LETTER[error] & (reserved == 0)
         return np.asarray(at[possible & (HEADER_BYTES + body_bytes == self._kind.itemsize)])
 
-    def _records(self, b: Bytes, at: Wholes) -> Records:
+    def _records(self, b: Bytes, at: Integers) -> Records:
         """Read the records at those bytes; nothing is checked but what cannot be right."""
         records = protocol.empty_records(len(at))
         if not len(at):
@@ -269,7 +270,7 @@ class _Walk:
     """
 
     def __init__(
-        self, at: Wholes, size: int, length: int, final: bool, are_good: Callable[[Wholes], Bools]
+        self, at: Integers, size: int, length: int, final: bool, are_good: Callable[[Integers], Bools]
     ) -> None:
         self.position, self.trusted = 0, False
         self._at, self._end, self._length, self._final = at, at + size, length, final
@@ -280,7 +281,7 @@ class _Walk:
         self._cut = (self._end + HEADER_BYTES > length) & (not final)
         self.believed = np.where(self._linked, YES, np.where(self._cut, UNKNOWN, NO))
 
-    def accepted(self) -> Wholes:
+    def accepted(self) -> Integers:
         """Walk; return the indices of the accepted starts, ascending."""
         runs = [np.empty(0, np.int64)]
         believable = np.flatnonzero(self.believed)
@@ -320,7 +321,7 @@ class _Walk:
         self.position, self.trusted = end if is_record else at + 1, False
         return is_record, True
 
-    def _search(self, believable: Wholes) -> bool:
+    def _search(self, believable: Integers) -> bool:
         """Skip to the next start that can be believed; False to wait for more."""
         self.trusted = False
         if not len(believable):

@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.tracker.families import StreamSettings
 
-Array = npt.NDArray[np.float64]
-Wholes = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]
 
 NONE = -1
@@ -36,23 +34,23 @@ class Records:
     doubtful : (N,) framed as a record should be, but its numbers cannot be right.
     """
 
-    offset: Wholes
-    size: Wholes
-    station: Wholes
-    frame: Wholes
-    device_ms: Wholes
+    offset: Integers
+    size: Integers
+    station: Integers
+    frame: Integers
+    device_ms: Integers
     position_mm: Array
     quaternion: Array
-    error: Wholes
-    distortion: Wholes
-    button: Wholes
-    sync: Wholes
+    error: Integers
+    distortion: Integers
+    button: Integers
+    sync: Integers
     doubtful: Bools
 
     def __len__(self) -> int:
         return len(self.offset)
 
-    def take(self, rows: Wholes | Bools | slice) -> Records:
+    def take(self, rows: Integers | Bools | slice) -> Records:
         """Return some of the records."""
         return Records(*(getattr(self, part.name)[rows] for part in fields(self)))
 
@@ -146,14 +144,14 @@ class PiecewiseDecoder(ABC):
         """
 
 
-def rows_at(b: Bytes, at: Wholes, size: int) -> Bytes:
+def rows_at(b: Bytes, at: Integers, size: int) -> Bytes:
     """Return the bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
     if len(at) > 1 and (np.diff(at) == size).all():
         return b[at[0] : at[-1] + size].reshape(-1, size)
     return np.lib.stride_tricks.sliding_window_view(b, size)[at]
 
 
-def gaps(first: Wholes, last: Wholes, length: int) -> tuple[Skipped, ...]:
+def gaps(first: Integers, last: Integers, length: int) -> tuple[Skipped, ...]:
     """Return the stretches of 0..length that none of the ascending, disjoint stretches first..last covers."""
     pairs = zip([0, *last.tolist()], [*first.tolist(), length], strict=True)
     return tuple(Skipped(start, end - start) for start, end in pairs if end > start)

@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from shukotsu.tracker.families import StreamSettings, settings_from_json
 from shukotsu.tracker.liberty import BinaryDecoder
 from shukotsu.tracker.records import (
     NONE,
-    Bools,
     PiecewiseDecoder,
     Records,
     Skipped,
-    Wholes,
     concatenate_records,
     empty_records,
 )
@@ -46,7 +45,7 @@ class RecordBlock:
 
     settings: StreamSettings
     records: Records
-    host_ns: Wholes
+    host_ns: Integers
     out_of_order: npt.NDArray[np.bool_]
     skipped: tuple[Skipped, ...]
 
@@ -200,7 +199,7 @@ class Counter:
         self._held_host_ns = np.empty(0, np.int64)
         self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good one
 
-    def number(self, records: Records, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
+    def number(self, records: Records, host_ns: Integers, *, final: bool) -> tuple[Records, Integers, Bools]:
         """Return the records that can be numbered, their arrival times, and which contradict their
         neighbours.
         """
@@ -212,7 +211,7 @@ class Counter:
         self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]
         return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
 
-    def _counted(self, records: Records, odd: Bools, count: int) -> Wholes:
+    def _counted(self, records: Records, odd: Bools, count: int) -> Integers:
         """Unwrap what the tracker counts, its frames or its clock; mark records that do not fit as odd.
 
         count : of the first records, those that are decided.
@@ -237,7 +236,7 @@ class Counter:
         # A damaged counter is replaced by that of the record before as a placeholder.
         return np.asarray(np.maximum.accumulate(frame)[earlier:])
 
-    def _misfits(self, counter: Wholes, station: Wholes, earlier: int) -> Bools:
+    def _misfits(self, counter: Integers, station: Integers, earlier: int) -> Bools:
         """Return which records do not fit between their neighbours, (N,); the first `earlier` are good.
 
         Where a record cannot follow the one before, that of the two is wrong without which all fit. Where all
@@ -262,13 +261,15 @@ class Counter:
                 wrong[first + 1], before = True, first
         return wrong
 
-    def _follows(self, counter: Wholes, station: Wholes, first: Wholes | int, second: Wholes | int) -> Bools:
+    def _follows(
+        self, counter: Integers, station: Integers, first: Integers | int, second: Integers | int
+    ) -> Bools:
         """Whether records can come after others: of a later frame, or a later station of the same."""
         step = _signed_difference(counter[second] - counter[first])
         later = (step > 0) | ((step == 0) & (station[second] > station[first]))
         return np.asarray(later & (step <= self._limit))
 
-    def _was_due(self, counter: Wholes, station: Wholes, before: int, row: int) -> bool:
+    def _was_due(self, counter: Integers, station: Integers, before: int, row: int) -> bool:
         """Whether a record is the very next after another (-1: the first of a frame), none left out."""
         passed = int(self._rank[station[row]])
         if before >= 0:
@@ -277,7 +278,7 @@ class Counter:
         return bool(passed == 0 and self._active[station[row]])
 
 
-def _signed_difference(difference: Wholes) -> Wholes:
+def _signed_difference(difference: Integers) -> Integers:
     """Return signed differences of 32-bit counters, modulo 2^32."""
     return (difference + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
@@ -325,7 +326,7 @@ class Losses:
         """Return how many cycles lack a lost record."""
         return self._partial_cycles + int(np.count_nonzero(self._lacking))
 
-    def closed(self) -> tuple[Losses, Wholes, Wholes]:
+    def closed(self) -> tuple[Losses, Integers, Integers]:
         """Return the count if nothing follows, and what that finds (see `add`)."""
         losses = deepcopy(self)
         return losses, *losses._add(NO_ROWS, final=True)
@@ -341,7 +342,7 @@ class Losses:
         """Return the newest good frame; 0 where there is none."""
         return int(self._newest[0, -1]) if self._newest.size else 0
 
-    def add(self, block: RecordBlock) -> tuple[Wholes, Wholes]:
+    def add(self, block: RecordBlock) -> tuple[Integers, Integers]:
         """Count a block's good records.
 
         Return the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
@@ -350,7 +351,7 @@ class Losses:
         rows = np.stack([block.records.frame, block.records.station, block.host_ns])
         return self._add(rows[:, block.good], final=False)
 
-    def _add(self, rows: Wholes, *, final: bool) -> tuple[Wholes, Wholes]:
+    def _add(self, rows: Integers, *, final: bool) -> tuple[Integers, Integers]:
         """Count records in turn, (3, N); `final` says that none follow."""
         rows = np.concatenate([self._newest, rows], 1)
         newest = int(np.searchsorted(rows[0], rows[0, -1])) if rows.shape[1] else 0
@@ -381,7 +382,7 @@ class Losses:
         self._recent, self._lacking = self._recent[old:], self._lacking[old:]
         return np.concatenate(gaps), partial
 
-    def _gaps(self, station: int, heard: Heard, rows: Wholes, end: Wholes = NO_ROWS) -> Wholes:
+    def _gaps(self, station: int, heard: Heard, rows: Integers, end: Integers = NO_ROWS) -> Integers:
         """Return the gaps of a station up to its records and the end; count what came and what is lost."""
         count = rows.shape[1]
         heard.records += count

@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import count_of
 from shukotsu.tracker.archive import Archive, open_archive
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.records import Array, Bools, Records, Wholes
+from shukotsu.tracker.records import Records
 from shukotsu.tracker.stream import JITTER_S, Losses, RecordBlock, Tally, blocks_of
 
 SHORTEST_FIT_S = 30.0
@@ -55,12 +56,12 @@ class DeviceClock:
     fitted: bool
     measured_rate_hz: float
 
-    def time_s(self, frame: Wholes) -> Array:
+    def time_s(self, frame: Integers) -> Array:
         """Device time of frames, (N,) in and out, s from the first frame."""
         return np.asarray((frame - self.first_frame) * self.period_s)
 
 
-def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) -> DeviceClock:
+def fit_clock(frame: Integers, host_ns: Integers, rate_hz: float, first_frame: int) -> DeviceClock:
     """Fit the host's clock to the frame counter; time starts at `first_frame`.
 
     frame, host_ns : (N,) of arrivals, frames not falling; at least one.
@@ -128,8 +129,8 @@ class Survey:
     tally: Tally
     losses: Losses
     clock: DeviceClock | None = None
-    gaps: Wholes = field(default_factory=lambda: np.empty((0, 4), np.int64))
-    partial_frames: Wholes = field(default_factory=lambda: np.empty(0, np.int64))
+    gaps: Integers = field(default_factory=lambda: np.empty((0, 4), np.int64))
+    partial_frames: Integers = field(default_factory=lambda: np.empty(0, np.int64))
     doubtful: Sightings = field(default_factory=Sightings)
     out_of_order: Sightings = field(default_factory=Sightings)
     errors: dict[str, Sightings] = field(default_factory=dict)
@@ -141,7 +142,7 @@ class Survey:
         """Good records of each station."""
         return {station: heard.records for station, heard in sorted(self.losses.stations.items())}
 
-    def add(self, block: RecordBlock) -> Wholes:
+    def add(self, block: RecordBlock) -> Integers:
         """Count what a block has beside losses; return frames and times [ns] of arrivals, (2, N)."""
         records, good = block.records, block.good
         for skip in block.skipped:
@@ -166,8 +167,8 @@ class Survey:
 def survey_archive(archive: Archive) -> Survey:
     """Read the whole archive once. Raises InputError where it holds no settings."""
     tally, survey = Tally(), None
-    lacking: list[tuple[Wholes, Wholes]] = []
-    arrivals: list[Wholes] = []
+    lacking: list[tuple[Integers, Integers]] = []
+    arrivals: list[Integers] = []
     for block in blocks_of(archive, tally):
         survey = survey or Survey(block.settings, tally, Losses(block.settings))
         arrivals.append(survey.add(block))
@@ -188,7 +189,7 @@ class FlaggedRecords:
 
     records: Records
     time_s: Array
-    host_ns: Wholes
+    host_ns: Integers
     flags: npt.NDArray[np.uint16]
 
     def flagged(self, *names: str) -> Bools:
@@ -319,7 +320,7 @@ def _seen_text(survey: Survey, sightings: Sightings) -> str:
     return f"{named} {', '.join(map(str, stations))}, {when}"
 
 
-def _places(survey: Survey, frames: Wholes, counts: Wholes | None = None) -> str:
+def _places(survey: Survey, frames: Integers, counts: Integers | None = None) -> str:
     """Format the longest places in turn, and how long they are beyond jitter; counts : frames of each."""
     seconds = np.zeros(len(frames)) if counts is None else counts / survey.settings.rate_hz
     named = [

@@ -12,9 +12,10 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Bools, Integers
 from shukotsu.tracker import records as protocol
 from shukotsu.tracker.families import MM_PER_UNIT
-from shukotsu.tracker.records import Bools, Bytes, Decoded, Records, Reply, Wholes, doubtful_poses
+from shukotsu.tracker.records import Bytes, Decoded, Records, Reply, doubtful_poses
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
 LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
@@ -93,7 +94,7 @@ class ViperDecoder(protocol.PiecewiseDecoder):
         return Decoded(records, protocol.gaps(at, end, decided), replies), decided
 
 
-def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
+def _disjoint(at: Integers, end: Integers, good: Bools, waiting: Bools) -> Integers:
     """Return indices of the good frames up to the first that still waits for bytes, that one included.
 
     What stands in a frame's body is no frame.
@@ -111,7 +112,7 @@ def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
     return np.array(kept, np.int64)
 
 
-def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
+def _possible_frames(b: Bytes) -> tuple[Integers, Integers, Bools]:
     """Return leaders that can be ones: first byte, first byte after, and whether they are of poses."""
     at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
     for index in (1, 2):
@@ -128,12 +129,12 @@ def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
     return at[possible], (at + size)[possible], is_pose[possible]
 
 
-def _read_unsigned(b: Bytes, at: Wholes) -> Wholes:
+def _read_unsigned(b: Bytes, at: Integers) -> Integers:
     """Return numbers of 4 bytes at `at`."""
     return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
 
 
-def _sound(b: Bytes, at: Wholes, end: Wholes) -> Bools:
+def _sound(b: Bytes, at: Integers, end: Integers) -> Bools:
     """Whether frames are there as a whole with the right checksum."""
     good = np.zeros(len(at), bool)
     whole = end <= len(b)
@@ -156,7 +157,7 @@ def _reply(b: Bytes, at: int, end: int) -> Reply:
     return Reply(at, station, command, action if action in (REFUSED, WARNED) else 0, body)
 
 
-def _records_of_size(rows: Bytes, at: Wholes) -> Records:
+def _records_of_size(rows: Bytes, at: Integers) -> Records:
     """Read M frames of one size, rows (M, size), that start at bytes `at`."""
     body = np.ascontiguousarray(rows[:, POSE_HEADER_BYTES:-CRC_BYTES])
     sensors = body.view(_SENSOR)

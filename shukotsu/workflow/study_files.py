@@ -300,12 +300,11 @@ class StudyFiles:
         return _relative(self.study.layout_of(self._plans[wildcards.subject].hand(wildcards.hand)))
 
     def inputs(self, *names: str) -> dict[str, Any]:
-        """Return, by name, a subject's plan, poses and truth, and tables of both hands and all models."""
+        """Return, by name, a subject's plan, poses, and tables of both hands and all models."""
         from snakemake.io import ancient  # reading a study does not need Snakemake
 
         folder = f"{self.results.folder.as_posix()}/sub-{{subject}}"
-        files = {"plan": ancient(f"{folder}/plan.json"), "poses": self.poses, "truth": self.truth}
-        files["event_files"] = ancient(self.event_files)
+        files = {"plan": ancient(f"{folder}/plan.json"), "poses": self.poses}
         return {name: files.get(name, f"{folder}/{name}.parquet") for name in names}
 
     def fits(self, *names: str, references: bool = False) -> dict[str, Callable[[Wildcards], list[str]]]:

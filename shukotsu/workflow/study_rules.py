@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shlex
 import signal
 import sys
 from pathlib import Path
@@ -99,9 +100,9 @@ def _note(*notes: str) -> None:
 
 
 def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
-    """Set the log, the message, and params that trigger a rerun, for every rule of the Snakefile.
+    """Set log, message, arguments, and params that trigger a rerun, for every rule of the Snakefile.
 
-    These are the program's digest, and those of what inputs of these names say: the subject's plan, all
+    The last are the program's digest, and those of what inputs of these names say: the subject's plan, all
     plans, the study's configuration. A rule that uses a part of a plan has its own.
     """
     code = program_digest()
@@ -124,10 +125,20 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
             continue
         rule.set_params(code=code)
+        if "{params.arguments}" in rule.shellcmd:
+            rule.set_params(arguments=arguments)
         named = {name for name, _ in rule.params._allitems()}
         for name, _ in list(rule.input._allitems()):
             more = params_of.get(name, {})
             rule.set_params(**{key: value for key, value in more.items() if key not in named})
+
+
+def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake passes them by these names
+    """Return the named inputs and outputs of a job as the options of those names of its stage."""
+    words: list[str] = []
+    for name, files in (*input.items(), *output.items()):
+        words += [f"--{name.replace('_', '-')}", *([files] if isinstance(files, str) else files)]
+    return shlex.join(words)
 
 
 def report_page(study: StudyFiles) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
@@ -36,12 +36,14 @@ from shukotsu.tables.typed_table import (
     Provenance,
     Table,
     columns_from_rows,
+    key_of,
     read_metadata,
     write_table,
 )
 from shukotsu.tables.whole_files import write_text
 
-Row = dict[str, Any]
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import ProblemsRow, RecordingsRow
 
 
 def gather_study(study: Study, results: Results) -> None:
@@ -49,7 +51,7 @@ def gather_study(study: Study, results: Results) -> None:
     plans = [read_plan(results.plan(*who)) for who in study.sessions]
     of_subjects = [subject_tables(plan) for plan in plans]
     recordings = [row for subject in of_subjects for row in subject.recordings]
-    problems: list[Row] = [
+    problems: list[ProblemsRow] = [
         problem_row(
             "plan", finding_of_text("recording", REFUSED, row.message), **vars(row.hand), task=row.task
         )
@@ -95,7 +97,7 @@ def gather_study(study: Study, results: Results) -> None:
     write_text(results.resolved, yaml_text(whole))
     provenance = Provenance.of(list(study.sheets.values()))
     key = ("subject", "session", "hand", "task", "model", "message")
-    unique = list({tuple(row[name] for name in key): row for row in reversed(problems)}.values())[::-1]
+    unique = list({key_of(row, key): row for row in reversed(problems)}.values())[::-1]
     for table, table_rows in (
         (_with_further_columns(study, recordings), recordings),
         (PROBLEMS, unique),
@@ -104,13 +106,14 @@ def gather_study(study: Study, results: Results) -> None:
         write_table(results.study_table(table.name), table, columns_from_rows(table, table_rows), provenance)
 
 
-def _with_further_columns(study: Study, rows: Sequence[Row]) -> Table:
+def _with_further_columns(study: Study, rows: Sequence[RecordingsRow]) -> Table:
     """Return the recordings table with the sheet's further columns, which are added to the rows."""
     taken = {column.name for column in RECORDINGS.columns}
     names = {name: f"{name}_of_sheet" if name in taken else name for name, _ in study.recordings[0].more}
     more = {tuple(recording.key.values()): recording.more for recording in study.recordings}
     for row in rows:
-        row |= {names[name]: text for name, text in more[tuple(row[key] for key in RECORDINGS.key)]}
+        columns: Any = {names[name]: text for name, text in more[key_of(row, RECORDINGS.key)]}
+        row |= columns
     text = pa.string()
     columns = [Column(name, text, "", "as in the recordings sheet", nullable=True) for name in names.values()]
     return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
@@ -124,7 +127,7 @@ _WRITTEN_BEFORE = (
 """Tables whose failures later stages repeat, by form and file, and the rule that writes each."""
 
 
-def _bugs(plan: SubjectPlan) -> Iterator[Row]:
+def _bugs(plan: SubjectPlan) -> Iterator[ProblemsRow]:
     """Name the stage that a bug is in, before later stages repeat the failure as their own."""
     references = [plan.fit_table(hand, REFERENCE, RECEIVERS.name) for hand in plan.hands]
     for table, name, stage in _WRITTEN_BEFORE:

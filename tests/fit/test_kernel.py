@@ -1,6 +1,5 @@
 """Compiled code against what it should compute, on random chains."""
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shukotsu.fit import kernel
 from shukotsu.fit.compiled_equations import (
     BLOCK_FRAMES,
     back_substitute,
@@ -17,6 +15,7 @@ from shukotsu.fit.compiled_equations import (
     residuals,
     weighted_jacobians,
 )
+from shukotsu.fit.kernel import compiled, forward
 from shukotsu.fit.normal_equations import (
     HUBER,
     Frames,
@@ -284,12 +283,11 @@ def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: i
 
 
 def test_what_an_older_kernel_left_is_not_read() -> None:
-    """It may name types that are no more, which numba does not survive."""
-    folder = Path(kernel.condense.stats.cache_path)
-    stale, fresh = folder / "kernel.condense-0.old.nbi", folder / "kernel.condense-0.new.nbi"
+    """It may hold another chapter's code as that was, or name types that are gone, which ends the process."""
+    folder, name = Path(forward.condense.stats.cache_path), forward.condense.py_func.__qualname__
+    stale, fresh = folder / "forward.condense_012345678901-0.old.nbi", folder / f"forward.{name}-0.new.nbi"
     for index in (stale, fresh):
         index.write_bytes(b"")
-    os.utime(stale, (0, 0))
-    kernel._compile(kernel.condense.py_func)
+    compiled.compiled(forward.condense.py_func)
     assert (stale.exists(), fresh.exists()) == (False, True)
     fresh.unlink()

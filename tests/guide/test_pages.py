@@ -5,7 +5,18 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from make_pages import DOCS, PAGE, RuleGraph, direct_edges, mermaid, page_with_diagram, pages, read_filegraph
+from make_pages import (
+    DOCS,
+    PAGE,
+    ROWS,
+    RuleGraph,
+    direct_edges,
+    mermaid,
+    page_with_diagram,
+    pages,
+    read_filegraph,
+    row_types,
+)
 from mkdocs.config.defaults import MkDocsConfig
 from site_hook import CHART, HEAD, MARK, as_table, cells_as_markdown, on_page_markdown
 
@@ -29,6 +40,10 @@ def node(number: int, rule: str, *files: str) -> str:
 @pytest.mark.parametrize("name", sorted(GENERATED))
 def test_a_generated_page_is_in_step(name: str) -> None:
     assert (DOCS / name).read_text("utf-8") == GENERATED[name], "run `make docs`"
+
+
+def test_types_of_rows_are_in_step_with_the_schemas() -> None:
+    assert ROWS.read_text("utf-8") == row_types(), "run `make docs`"
 
 
 def test_rules_their_files_and_who_reads_them_are_read() -> None:

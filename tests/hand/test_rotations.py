@@ -6,6 +6,7 @@ from chains import quaternions
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from jaxtyping import TypeCheckError
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand import rotations
@@ -86,3 +87,9 @@ def test_the_mean_of_rotations_about_one(seed: int) -> None:
     assert mean[0] >= 0
     assert rotations.angle(rotations.multiply(rotations.conjugate(middle), mean)) < 1e-7
     np.testing.assert_array_equal(rotations.mean_rotation(turns[:0]), [1, 0, 0, 0])
+
+
+@pytest.mark.parametrize("quaternions", [np.zeros((2, 3)), np.zeros(4, int)])
+def test_an_array_of_another_shape_or_kind_than_annotated_is_refused(quaternions: np.ndarray) -> None:
+    with pytest.raises(TypeCheckError, match="quaternion"):
+        rotations.matrix(quaternions)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.movement.movement_rows import AngleErrors, angle_range
 
 

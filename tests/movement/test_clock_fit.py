@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shukotsu.movement.event_files import Array
+from shukotsu.arrays import Array
 from shukotsu.movement.recording_events import WAS_SET, ClockFit, fit_clock
 
 

@@ -16,11 +16,11 @@ from stage_runs import measure_movement as main
 from stage_runs import of_plan
 
 from benchmarks.pianist import Played, play
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.joint_angles import joint_angles, joint_rotation
 from shukotsu.hand.neutral_bones import neutral_rotations
 from shukotsu.hand.posing import SkeletonJoint
-from shukotsu.hand.rotations import Array
 from shukotsu.simulate.random_hand import BONES
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.catalogue import CLOCKS, EVENTS, TABLES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.movement.sampling import (
     CUTOFF_HZ,
     MOST_GAP_S,

@@ -10,7 +10,7 @@ from chains import reader_of
 from simulated_poses import recorded, write_poses
 from small_study import HandResults, run_hand
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.paper.hand import BuiltHand, build_hand, judge_hand, pose_metacarpals
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model

@@ -21,7 +21,7 @@ from shukotsu.report.belief import (
     reasons_of,
     wanted_text,
 )
-from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.templates import speaking
 from shukotsu.study import verdict
 from shukotsu.study.layout import FINGER_MM, read_layout
@@ -69,7 +69,7 @@ def test_what_is_asked_of_each_layout() -> None:
 
 
 def _with(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
-    def of(row: Row) -> Row:
+    def of(row: dict[str, Any]) -> dict[str, Any]:
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from shukotsu.arrays import Array
 from shukotsu.movement.sampling import grid_of
-from shukotsu.tables.device_clock import DAY_S, Array, device_clock
+from shukotsu.tables.device_clock import DAY_S, device_clock
 
 T = np.arange(3600) / 240
 FRAME = np.arange(3600)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from tracker_streams import viper_frame
 
+from shukotsu.arrays import Bools, Integers
 from shukotsu.tracker.archive import ArchiveWriter, open_archive
 from shukotsu.tracker.display import Statistics
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import record_type
-from shukotsu.tracker.records import Bools, Wholes
 from shukotsu.tracker.stream import ABSENT_S, STOP_FRAMES, ChunkDecoder
 from shukotsu.tracker.survey import Survey, flagged_records, survey_archive
 
@@ -43,7 +43,7 @@ class Plugged(EmulatedLiberty):
 
     out = (0, 0.0, 0.0)
 
-    def present(self, cycles: Wholes) -> Bools:
+    def present(self, cycles: Integers) -> Bools:
         """Whether each station is plugged in, (T, S)."""
         present, since_s = super().present(cycles), (cycles - (WRAP - 300)) / float(self.rate)
         if self.out[0]:

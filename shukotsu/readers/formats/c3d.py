@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from shukotsu.errors import InputError, count_of, list_names
-from shukotsu.hand.rotations import Array, from_matrix, nearest_rotation
+from shukotsu.arrays import Array, Bools, Integers
+from shukotsu.errors import InputError, count_of, list_names, nearest
+from shukotsu.hand.rotations import from_matrix, nearest_rotation
 from shukotsu.readers.formats.mapped import (
-    Integers,
     Track,
     mapped_segments,
     proper_rotations,
@@ -24,7 +23,7 @@ from shukotsu.readers.formats.mapped import (
     samples_of_tracks,
     without_marks,
 )
-from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.limits import RATES_HZ, UNIT_NAMES, check_regular
@@ -152,8 +151,6 @@ THINNEST = 0.05
 """Markers whose width is less than this share of their length are on a line: the turn about it is noise."""
 _ROUNDS = 100
 _SETTLED_MM = 1e-5
-
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -339,7 +336,7 @@ def open_c3d(path: Path) -> C3dFile:
     more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
     at_zero = int(zeros.sum())
     taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} taken for not seen"
-    doubts = [taken] * (at_zero > 0)
+    doubts = [taken] if at_zero else []
     if more_bytes > _BLOCK and not rotations.size:
         doubts += [
             f"{count_of(len(points), 'frame', 'are')} read, but the file goes on behind them; see that "
@@ -430,5 +427,5 @@ def _index(path: Path, labels: Sequence[str], label: str, what: str, key: str) -
         return labels.index(label)
     if label in labels:
         raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {key} needs one")
-    guess = did_you_mean(label, labels) or f", which has {list_names(labels)}"
+    guess = nearest(label, labels) or f", which has {list_names(labels)}"
     raise InputError(f"{key}: {what} {label!r} is not in {path}{guess}")

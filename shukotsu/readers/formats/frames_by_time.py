@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import isotonic_regression
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import count_of
-from shukotsu.hand.rotations import Array
-from shukotsu.readers.formats.mapped import Integers, Track
+from shukotsu.readers.formats.mapped import Track
 
 _MOST_STEPS = 2.0**30
 """Steps from the middle, of rows that times put into frames: 50 days at 240 Hz, a millionth still counts."""

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, list_names
-from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, multiply, nearest_rotation
-from shukotsu.readers.samples import Samples, did_you_mean, join_samples, segments_of_names
+from shukotsu.arrays import Array, Bools, Integers
+from shukotsu.errors import InputError, list_names, nearest
+from shukotsu.hand.rotations import about_axis, conjugate, from_matrix, multiply, nearest_rotation
+from shukotsu.readers.samples import Samples, join_samples, segments_of_names
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
-
-Integers = npt.NDArray[np.int64]
 
 _RATE_OFF = 0.1
 """As a share: how far times may be off the rate that a mapping gives."""
@@ -38,7 +37,7 @@ class Track:
     frame: Integers
     time_s: Array
     numbers: Array
-    flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    flags: Mapping[str, Bools] = field(default_factory=dict)
 
     def of(self, samples: npt.NDArray[Any]) -> Track:
         """Those samples alone, by index or by a boolean for each."""
@@ -89,7 +88,7 @@ def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[s
         raise InputError(f"{receiver}: has no {key}; say which of the file's it is")
     name = str(mapping.receivers[segment][key])
     if name not in names:
-        guess = did_you_mean(name, names)
+        guess = nearest(name, names)
         raise InputError(
             f"{receiver}: {key} {name!r} is not in {where}, which has {list_names(names)}{guess}"
         )

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.errors import InputError, count_of
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array, Integers
+from shukotsu.errors import InputError, count_of, nearest
 from shukotsu.readers.formats.cells import Cells, unwrapped_s
 from shukotsu.readers.formats.frames_by_time import framed_by_time
 from shukotsu.readers.formats.mapped import (
-    Integers,
     Track,
     mapped_segments,
     quaternions,
@@ -23,7 +22,7 @@ from shukotsu.readers.formats.mapped import (
     samples_of_tracks,
 )
 from shukotsu.readers.formats.text_table import TextTable, open_table_text
-from shukotsu.readers.samples import Samples, did_you_mean, unwrapped_frames
+from shukotsu.readers.samples import Samples, unwrapped_frames
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.limits import SECONDS_PER_UNIT
@@ -125,7 +124,7 @@ def _rows_of_receivers(
     for segment, value in values.items():
         rows_of[segment] = np.flatnonzero(codes == (names.index(value) if value in names else -1))
         if value not in names:
-            notes.append(f"receiver {value!r} of segment {segment} has no row{did_you_mean(value, names)}")
+            notes.append(f"receiver {value!r} of segment {segment} has no row{nearest(value, names)}")
     if not any(len(rows) for rows in rows_of.values()):
         wanted = ", ".join(sorted({*values.values()}))
         raise InputError(

@@ -24,9 +24,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
-from shukotsu.errors import InputError, count_of, list_names
+from shukotsu.errors import InputError, count_of, list_names, nearest
 from shukotsu.readers.formats.cells import Cells
-from shukotsu.readers.samples import did_you_mean
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
 from shukotsu.tables.text_files import (
     decode_text,
@@ -82,7 +81,7 @@ class TextTable:
             raise InputError(
                 f"{key}: {self.path} has {count_of(count, 'column')} {wanted!r}; give the column's number"
             )
-        guess = did_you_mean(wanted, self.header)
+        guess = nearest(wanted, self.header)
         guess = guess or f"; found {list_names([name for name in self.header if name])}"
         raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
 

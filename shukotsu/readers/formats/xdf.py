@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, nearest
 from shukotsu.readers.formats.mapped import (
     Track,
     implied_mapping,
@@ -14,7 +14,7 @@ from shukotsu.readers.formats.mapped import (
     quaternions,
     samples_of_tracks,
 )
-from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.limits import MM_PER_UNIT, UNIT_NAMES
@@ -87,7 +87,7 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
             f"{path}: has {len(chosen)} streams of type MoCap ({numbered}); say which in a "
             "mapping as xdf.stream, by its name or its number"
         )
-    say = "; say its number" if chosen else did_you_mean(str(wanted), [s.name for s in streams])
+    say = "; say its number" if chosen else nearest(str(wanted), [s.name for s in streams])
     raise InputError(f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {numbered}{say}")
 
 

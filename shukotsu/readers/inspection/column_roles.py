@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.readers.formats.mapped import snake_case
 from shukotsu.readers.inspection.description import CHECK, IMPOSSIBLE_EXTENTS, extent, median_step, rate_line
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES

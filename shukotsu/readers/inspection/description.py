@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.hand.rotations import Array
+from shukotsu.arrays import Array
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT
 
 CHECK = "CHECK"

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError, count_of
-from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY

@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FixedFormatter, FuncFormatter, Locator, LogLocator, MaxNLocator, NullLocator
 
+from shukotsu.arrays import Array
 from shukotsu.errors import INTERNAL, on_one_line
 from shukotsu.report.belief import BELIEF_MARKS, BELIEVED
 from shukotsu.report.figures.style import (
@@ -36,7 +37,7 @@ from shukotsu.report.figures.style import (
     without_controls,
     wrap_text,
 )
-from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, view_points
+from shukotsu.report.hand_motion import HandMotion, ShownSkeleton, view_points
 from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property, digit_looks
 from shukotsu.report.table_cells import number
 from shukotsu.translation import ENGLISH, language, listed, tr, translated, word

@@ -12,13 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.report.figures.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
 from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, draw_figure, not_drawn
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.hand_motion import view_base
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
-from shukotsu.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
+from shukotsu.report.recording_results import ANGLES, read_angles, read_tip_errors
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import number, title

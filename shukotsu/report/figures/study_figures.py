@@ -52,7 +52,6 @@ from shukotsu.report.judged_models import (
 from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
 from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
 from shukotsu.report.recording_results import ANGLES
-from shukotsu.report.study_results import Row as TableRow
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import alike, capital, heading
 from shukotsu.report.templates import plain
@@ -62,11 +61,14 @@ from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Study
 from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
+from shukotsu.tables.typed_table import key_of
 from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from shukotsu.tables.rows import BoneLengthsRow
 
 
 class NoDataError(Exception):
@@ -291,15 +293,13 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
 
 def _errors_of_models(results: StudyResults, judged: JudgedModels) -> dict[str, _ModelErrors]:
     """Return means over the skeletons that the answer is of, held out or not, of a hand's joint."""
-    scored = {
-        tuple(row[name] for name in _SKELETON) for row in results.scores if row["held_out"] == judged.held_out
-    }
+    scored = {key_of(row, _SKELETON) for row in results.scores if row["held_out"] == judged.held_out}
     values: dict[tuple[str, str, str, Hand], list[float]] = defaultdict(list)
     for row in results.counted(results.joint_errors):
-        if row["model"] in judged.references or tuple(row[name] for name in _SKELETON) in scored:
-            for kind in ("error_mm", "sd_mm"):
-                if row[kind] is not None:
-                    values[kind, row["model"], row["joint"], hand_of(row)].append(row[kind])
+        if row["model"] in judged.references or key_of(row, _SKELETON) in scored:
+            for kind, mm in (("error_mm", row["error_mm"]), ("sd_mm", row["sd_mm"])):
+                if mm is not None:
+                    values[kind, row["model"], row["joint"], hand_of(row)].append(mm)
     errors: dict[str, _ModelErrors] = defaultdict(_ModelErrors)
     for (kind, model, joint, hand), numbers in values.items():
         getattr(errors[model], kind)[joint][hand] = float(np.mean(numbers))
@@ -486,7 +486,9 @@ def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Pan
 
 
 def _draw_lengths(
-    axes: Axes, bones: Sequence[tuple[str, str]], lengths: Mapping[Hand, Mapping[tuple[str, str], TableRow]]
+    axes: Axes,
+    bones: Sequence[tuple[str, str]],
+    lengths: Mapping[Hand, Mapping[tuple[str, str], BoneLengthsRow]],
 ) -> None:
     """Draw every bone's length with its 1-sigma error: right hands filled, left ones open."""
     names = [name for name, _ in bones]

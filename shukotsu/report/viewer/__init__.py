@@ -19,10 +19,10 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from shukotsu.arrays import Array
 from shukotsu.report.belief import BELIEFS
 from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import (
-    Array,
     HandMotion,
     JointAxis,
     ShownSkeleton,

@@ -19,8 +19,9 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from report_samples.made_study import FITTED_MODELS, MadeStudy, make_study
 from report_samples.pages import page_of_viewer
 
+from shukotsu.arrays import Array
 from shukotsu.hand.rotations import matrix
-from shukotsu.report.hand_motion import Array, still_frame
+from shukotsu.report.hand_motion import still_frame
 from shukotsu.report.palette import DIGIT_HUES
 from shukotsu.report.viewer import (
     ERROR_STEP_MM,

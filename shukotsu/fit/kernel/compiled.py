@@ -1,0 +1,80 @@
+"""How loops over frames are compiled, and small loops that the other modules of the kernel share.
+
+Numba caches compiled code on disk until the file of the function changes. As a function may call others in
+another file of the kernel, the name under which it is cached ends in a digest of all of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+from shukotsu.arrays import Array
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_FILES = sorted(Path(__file__).parent.glob("*.py"))
+_DIGEST = hashlib.sha256(b"".join(path.read_bytes() for path in _FILES)).hexdigest()[:12]
+
+
+def compiled(function: Function, signature: str | None = None) -> Function:
+    """Compile when first called, or for a signature now; cache the machine code on disk where possible.
+
+    Code that an older kernel left in the cache is removed: it may name types that are gone, which ends the
+    process.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    name = function.__name__
+    function.__qualname__ = f"{name}_{_DIGEST}"
+    try:
+        folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
+        for index in folder.glob(f"{Path(function.__code__.co_filename).stem}.{name}[-_]*.nbi"):
+            if not re.match(rf"\w+\.{name}_{_DIGEST}-", index.name):
+                with suppress(OSError):  # another process was first
+                    index.unlink()
+        return cast(Function, numba.njit(signature, cache=True, **options)(function))
+    except RuntimeError:  # neither this folder nor the user's cache may be written
+        return cast(Function, numba.njit(signature, **options)(function))
+
+
+def inner(function: Function) -> Function:
+    """Compile for callers that are themselves compiled, whose machine code then includes this one's."""
+    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(Function, numba.njit(**options)(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile as part of each caller."""
+    return cast(Function, numba.njit(inline="always", error_model="numpy")(function))
+
+
+@inner
+def copy(values: Array, out: Array) -> None:
+    """Copy an array (n, F)."""
+    for i in range(len(out)):
+        for f in range(out.shape[1]):
+            out[i, f] = values[i, f]
+
+
+@inner
+def copy_matrices(values: Array, out: Array) -> None:
+    """Copy an array (n, m, F)."""
+    for i in range(len(out)):
+        copy(values[i], out[i])
+
+
+def fill(value: float, out: Array) -> None:
+    """Set all elements of an array (n, F)."""
+    for i in range(len(out)):
+        for f in range(out.shape[1]):
+            out[i, f] = value
+
+
+# Compiled now: half a second of what numba then reads is shared by all forks of the warm process.
+fill = compiled(fill, "void(float64, float64[:, ::1])")

@@ -1,0 +1,236 @@
+"""Block elimination of states and roots from the normal equations, and the steps back to them.
+
+On paper: docs/whole-hand.md, section 6.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.arrays import Array
+from shukotsu.fit.kernel.compiled import compiled, fill, inner
+from shukotsu.fit.kernel.derivatives import Prior, ResidualArrays
+from shukotsu.fit.kernel.forward import BranchPoses, FlatChains
+
+_SOME_ROOT = 1e-9
+"""Precision of a root that no receiver shows."""
+
+
+class EliminatedStates(NamedTuple):
+    """A branch's states: inverse (s, s, F), by_rest (s, columns, F) and rhs (s, F) of `Elimination`."""
+
+    inverse: Array
+    by_rest: Array
+    rhs: Array
+
+
+@inner
+def _add_product(a: Array, b: Array, rows: slice, factor: float, out: Array) -> None:
+    """Add to out (F,) the factor times the sum of a[k] * b[k] over rows k; a, b : (m, F)."""
+    for k in range(rows.start, rows.stop):
+        for f in range(len(out)):
+            out[f] += factor * a[k, f] * b[k, f]
+
+
+@inner
+def _inverse_cholesky(A: Array, inverse: Array) -> None:
+    """Inverses of the lower Cholesky factors of A (n, n, F), whose lower triangles are overwritten."""
+    n, n_frames = len(A), A.shape[2]
+    for j in range(n):
+        fill(0.0, inverse[j])
+        for i in range(j, n):
+            for k in range(j):
+                for f in range(n_frames):
+                    A[i, j, f] -= A[i, k, f] * A[j, k, f]
+            if i == j:
+                for f in range(n_frames):
+                    inverse[j, j, f] = 1.0 / math.sqrt(A[j, j, f])
+            for f in range(n_frames):
+                A[i, j, f] *= inverse[j, j, f]
+    for i in range(n):
+        for j in range(i):
+            for k in range(j, i):
+                for f in range(n_frames):
+                    inverse[i, j, f] -= A[i, k, f] * inverse[k, j, f]
+            for f in range(n_frames):
+                inverse[i, j, f] *= inverse[i, i, f]
+
+
+@inner
+def by_lower(inverse: Array, B: Array, out: Array) -> None:
+    """Product of lower triangular matrices (n, n, F) with vectors B (n, F)."""
+    fill(0.0, out)
+    for i in range(len(inverse)):
+        for j in range(i + 1):
+            for f in range(out.shape[1]):
+                out[i, f] += inverse[i, j, f] * B[j, f]
+
+
+@compiled
+def eliminate(
+    chains: FlatChains,
+    current: ResidualArrays,
+    at: BranchPoses,
+    prior: Prior,
+    damping: Array,
+    b: int,
+    J_y: Array,
+    J: Array,
+    out: EliminatedStates,
+) -> Array:
+    """Eliminate a branch's states from its normal equations; return its weighted residuals (m, F).
+
+    With L L^T = J_y^T J_y + precision, damped on the diagonal: out has L^-1, L^-1 J_y^T J and L^-1 g_y.
+    """
+    first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
+    states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
+    n_states, n_frames = len(J_y), J_y.shape[2]
+    r = np.empty((6 * (last - first), n_frames))
+    A, B = np.zeros((n_states, n_states, n_frames)), np.zeros((n_states, n_frames))
+    for i in range(last - first):
+        for k in range(6):
+            for f in range(n_frames):
+                r[6 * i + k, f] = current.r[first + i, k, f] * math.sqrt(
+                    prior.temper * current.weight[first + i, f]
+                )
+    for i in range(n_states):
+        for j in range(n_states):
+            precision = prior.precision[b, i, j]
+            if precision != 0.0:
+                for f in range(n_frames):
+                    A[i, j, f] = precision
+                    B[i, f] += precision * (at.y[states[j], f] - prior.mean[states[j]])
+        for n in range(first, last):
+            rows = slice(6 * (n - first), 6 * (n - first) + 6)
+            if chains.by_state[n, i]:
+                _add_product(J_y[i], r, rows, 1.0, B[i])
+                for j in range(i + 1):
+                    if chains.by_state[n, j]:
+                        _add_product(J_y[i], J_y[j], rows, 1.0, A[i, j])
+        for f in range(n_frames):
+            A[i, i, f] *= 1.0 + damping[f]
+    _inverse_cholesky(A, out.inverse)
+    by_lower(out.inverse, B, out.rhs)
+    for column in range(len(J)):
+        fill(0.0, B)
+        for n in range(first, last):
+            if column < 6 or chains.by_unknown[n, column - 6]:
+                rows = slice(6 * (n - first), 6 * (n - first) + 6)
+                for i in range(n_states):
+                    if chains.by_state[n, i]:
+                        _add_product(J_y[i], J[column], rows, 1.0, B[i])
+        by_lower(out.inverse, B, out.by_rest[column])
+    return r
+
+
+@compiled
+def add_to_root(
+    chains: FlatChains,
+    b: int,
+    J: Array,
+    r: Array,
+    part: EliminatedStates,
+    H_rr: Array,
+    H_xr: Array,
+    g_r: Array,
+) -> None:
+    """Add what a branch says of roots (6, 6, F), also by unknowns (G, 6, F), and their gradient (6, F)."""
+    first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
+    unknowns = chains.unknowns[chains.unknowns_from[b] : chains.unknowns_from[b + 1]]
+    every, states = slice(0, len(r)), slice(0, len(part.rhs))
+    for i in range(6):
+        _add_product(J[i], r, every, 1.0, g_r[i])
+        _add_product(part.by_rest[i], part.rhs, states, -1.0, g_r[i])
+        for j in range(i + 1):
+            _add_product(J[i], J[j], every, 1.0, H_rr[i, j])
+            _add_product(part.by_rest[i], part.by_rest[j], states, -1.0, H_rr[i, j])
+        for column in range(6, len(J)):
+            out = H_xr[unknowns[column - 6], i]
+            for n in range(first, last):
+                if chains.by_unknown[n, column - 6]:
+                    _add_product(J[i], J[column], slice(6 * (n - first), 6 * (n - first) + 6), 1.0, out)
+            _add_product(part.by_rest[i], part.by_rest[column], states, -1.0, out)
+
+
+@inner
+def solve_root(H_rr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array) -> None:
+    """Eliminate roots: inverse (6, 6, F) and rhs (6, F) of `Reduced`."""
+    for i in range(6):
+        for f in range(len(damping)):
+            H_rr[i, i, f] = H_rr[i, i, f] * (1.0 + damping[f]) + _SOME_ROOT
+    _inverse_cholesky(H_rr, inverse)
+    by_lower(inverse, g_r, rhs)
+
+
+@compiled
+def reduce_roots(
+    H_rr: Array, H_xr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array, by_x: Array
+) -> None:
+    """Eliminate roots; by_x (G, 6, F) : how they move with the unknowns, as in `Reduced`."""
+    solve_root(H_rr, g_r, damping, inverse, rhs)
+    for g in range(len(H_xr)):
+        by_lower(inverse, H_xr[g], by_x[g])
+
+
+@inner
+def by_upper(inverse: Array, B: Array, out: Array) -> None:
+    """Product of transposed lower triangular matrices (n, n, F) with vectors B (n, F)."""
+    fill(0.0, out)
+    for i in range(len(inverse)):
+        for j in range(i, len(inverse)):
+            for f in range(out.shape[1]):
+                out[i, f] += inverse[j, i, f] * B[j, f]
+
+
+@compiled
+def step_states(states: npt.NDArray[np.int64], part: EliminatedStates, rest: Array, y: Array) -> None:
+    """Take the step of a branch's states that goes with that of root and unknowns, rest (columns, F)."""
+    rhs, step = part.rhs.copy(), np.empty(part.rhs.shape)
+    for column in range(len(rest)):
+        for i in range(len(rhs)):
+            for f in range(rhs.shape[1]):
+                rhs[i, f] += part.by_rest[column, i, f] * rest[column, f]
+    by_upper(part.inverse, rhs, step)
+    for i in range(len(states)):
+        for f in range(rhs.shape[1]):
+            y[states[i], f] -= step[i, f]
+
+
+@compiled
+def step_root(d_root: Array, root: Array, root_mm: Array) -> None:
+    """Move roots by d_root (6, F), mm and rotation vector in their own axes."""
+    E, row = np.empty((3, 3)), np.empty(3)
+    for f in range(d_root.shape[1]):
+        for i in range(3):
+            for k in range(3):
+                root_mm[i, f] += root[i, k, f] * d_root[k, f]
+        x, y, z = d_root[3, f], d_root[4, f], d_root[5, f]
+        square = x * x + y * y + z * z
+        angle = math.sqrt(square)
+        once, twice = 1.0, 0.5
+        if angle > 0.0:
+            once, twice = math.sin(angle) / angle, 2.0 * (math.sin(angle / 2) / angle) ** 2
+        E[0, 0], E[0, 1], E[0, 2] = (
+            1 - twice * (square - x * x),
+            twice * x * y - once * z,
+            twice * x * z + once * y,
+        )
+        E[1, 0], E[1, 1], E[1, 2] = (
+            twice * x * y + once * z,
+            1 - twice * (square - y * y),
+            twice * y * z - once * x,
+        )
+        E[2, 0], E[2, 1], E[2, 2] = (
+            twice * x * z - once * y,
+            twice * y * z + once * x,
+            1 - twice * (square - z * z),
+        )
+        for i in range(3):
+            for k in range(3):
+                row[k] = root[i, 0, f] * E[0, k] + root[i, 1, f] * E[1, k] + root[i, 2, f] * E[2, k]
+            for k in range(3):
+                root[i, k, f] = row[k]

@@ -1,0 +1,54 @@
+"""Checks of the shapes that annotations of the library name, in every call of a public function in any test.
+
+Only shapes: mypy checks the rest. `install` comes before the library is imported.
+"""
+
+import inspect
+import sys
+from collections.abc import Callable, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from types import ModuleType
+from typing import Any
+
+from beartype import beartype
+from jaxtyping import jaxtyped
+
+ROOMS = ("fit", "hand", "movement", "paper", "scores")
+
+
+def checked(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function with the shapes that its annotations name checked in every call, and no more."""
+    shaped = {name: hint for name, hint in function.__annotations__.items() if "Float[" in hint}
+    if not shaped:
+        return function
+    function.__annotations__ = shaped
+    wrapped: Callable[..., Any] = jaxtyped(typechecker=beartype)(function)
+    return wrapped
+
+
+class ShapeChecks(MetaPathFinder):
+    """Finder of the modules of the numerical rooms; it wraps their public functions once they are defined."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return the spec of a numerical module, with checks; of any other none."""
+        spec = PathFinder.find_spec(name, path, target) if name.startswith("shukotsu.") else None
+        if spec is None or spec.loader is None or name.split(".")[1] not in ROOMS:
+            return None
+        execute = spec.loader.exec_module
+
+        def execute_and_wrap(module: ModuleType) -> None:
+            execute(module)
+            for own, function in inspect.getmembers(module, inspect.isfunction):
+                if function.__module__ == name and not own.startswith("_"):
+                    setattr(module, own, checked(function))
+
+        spec.loader.exec_module = execute_and_wrap  # type: ignore[method-assign]
+        return spec
+
+
+def install() -> None:
+    """Check the shapes of what is imported from now on."""
+    sys.meta_path.insert(0, ShapeChecks())
