@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shukotsu.fit import compiled_equations
+from shukotsu.fit import compiled_equations, kernel
 from shukotsu.fit.chain import hand_model
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs
 from shukotsu.study.layout import read_layout
@@ -27,6 +27,12 @@ def compile_all() -> None:
     steps = compiled_equations.reduce(problem, point)
     compiled_equations.back_substitute(problem, point, steps, np.zeros(len(point.x)))
     compiled_equations.pose(problem, point)
+
+
+def load_compiled() -> None:
+    """Load what is compiled already, for the forks of this process to share; compile nothing."""
+    if all(folder and any(folder.glob(f"kernel.{name}-*.nbi")) for name, folder in kernel.kept.items()):
+        compile_all()
 
 
 def one_frame() -> tuple[Problem, Point]:

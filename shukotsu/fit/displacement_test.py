@@ -281,10 +281,14 @@ def _by_interval(
     inner = np.eye(n_skin) - pull.T @ x_by_skin
     inner += np.einsum("fira,fias->iras", skin, of_skin, optimize=True).reshape(n_skin, -1)
     rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel() - pull.T @ x
-    blocks = np.add.reduceat(branch.curvature.reshape(*shape, n, 6), cuts)
-    pulls, every = np.add.reduceat(by_x, cuts), np.arange(len(cuts))
-    slopes = np.add.reduceat(slope, cuts) - pulls @ x
-    at_cuts = np.add.reduceat(of_skin, cuts) - pulls @ x_by_skin
+    every = np.arange(len(cuts))
+    interval = (np.searchsorted(cuts, np.arange(n_frames), "right") - 1 == every[:, None]).astype(float)
+    blocks, pulls, slopes, at_cuts = (  # sums over the frames of each interval, as one product each
+        np.tensordot(interval, values, 1)
+        for values in (branch.curvature.reshape(*shape, n, 6), by_x, slope, of_skin)
+    )
+    slopes -= pulls @ x
+    at_cuts -= np.tensordot(pulls, x_by_skin, 1)
     with_skin = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
     taken = np.linalg.solve(inner, np.concatenate([*with_skin, rhs[None]]).T)
     by_receiver = {}

@@ -36,12 +36,17 @@ _FIRST_DAMPING, _DAMPING_STEP = 1e-3, 10.0
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+kept: dict[str, Path | None] = {}
+"""Folders in which functions' machine code is kept, by name; None where it cannot be."""
+
 
 def _compile(function: _Function, signature: str | None = None) -> _Function:
     """Compile when first called, or for a signature now; keep the machine code on disk where that can be."""
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    kept.setdefault(function.__name__)
     try:
         folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
+        kept[function.__name__] = folder
         for index in folder.glob(f"kernel.{function.__name__}-*.nbi"):
             with suppress(OSError):  # another process was first
                 if index.stat().st_mtime < Path(__file__).stat().st_mtime:  # it may name types that are gone
