@@ -191,7 +191,9 @@ class HandFit:
     def bones(self) -> Mapping[str, FittedBone]:
         """Lengths of the bones, by segment."""
         lengths = self.evidence.model.length.items()
-        return {segment: FittedBone(*self.evidence.posterior.of_amount(length)) for segment, length in lengths}
+        return {
+            segment: FittedBone(*self.evidence.posterior.of_amount(length)) for segment, length in lengths
+        }
 
     @property
     def side(self) -> str:
