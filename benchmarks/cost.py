@@ -1,4 +1,4 @@
-"""Cost of whole studies, of a change to a study, and of fitting, posing and judging a hand."""
+"""Cost of whole studies and their stages, of a change to a study, and of fitting, posing and judging a hand."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, Usage, run_process, run_python
+from benchmarks.measured_jobs import KINDS, measured_jobs
+from shukotsu import job
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.fitted_motion import pose_hand
@@ -34,53 +40,101 @@ MODELS = "paper-fig3-rest, paper-fig3, paper-fig4, paper-fig4-corrected, rigid, 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--subjects", type=int, nargs="+", default=[1, 10], help="of each study (1 10)")
+    parser.add_argument("--models", default=MODELS, help=f"of each study ({MODELS})")
     parser.add_argument("--rounds", type=int, default=5, help="of each measurement of a hand (5)")
 
 
-def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[PrintedTable]:
-    """Return the tables; the last study is run again, and with a subject more."""
+def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5) -> Iterator[PrintedTable]:
+    """Return the tables; the last study is run again, and with a subject more. rounds : 0 for no hand."""
     with tempfile.TemporaryDirectory() as name:
         simulated, rows = Path(name, "simulated"), list[tuple[Cell, ...]]()
         for index in range(SIMULATED):
             for hand, task in _recordings():
                 who = (f"--subject={index}", f"--hand={hand}", f"--task={task}", f"--seed={SEED}")
-                file = f"--out={simulated}/{index}_{hand}_{task}.parquet"
-                run_python("-m", "shukotsu.simulate", *who, f"--frames={FRAMES[task]}", file)
+                file = f"{simulated}/{index}_{hand}_{task}"
+                frames = f"--frames={FRAMES[task]}"
+                run_python("stages/simulate.py", *who, frames, f"--out={file}.parquet")
+                recording = f"--recording={file}.parquet", "--layout=liberty16"
+                run_python("stages/stream.py", *recording, f"--out={file}.arrows")
         for count in subjects:
-            folder = Path(name, f"study-{count}")
-            rows.append(_row(f"{count} subjects, cold", run_study(folder, simulated, count)))
-        rows.append(_row("then nothing changed", run_study(folder, simulated, count)))
-        rows.append(_row("then a subject more", run_study(folder, simulated, count + 1)))
+            folder, jobs = Path(name, f"study-{count}"), list[dict[str, Any]]()
+            with measured_jobs(jobs) as address:
+                usage = run_study(folder, simulated, count, models, **{job.ADDRESS: address})
+            rows.append(_row(f"{count} subjects, cold", usage))
+            yield stage_table(f"{count} subjects", folder, jobs, usage)
+        rows.append(_row("then nothing changed", run_study(folder, simulated, count, models)))
+        rows.append(_row("then a subject more", run_study(folder, simulated, count + 1, models)))
     yield PrintedTable(
-        f"studies: 6 models, 2 hands x 2 recordings a subject, {CORES} cores",
+        f"studies: {len(models.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
         "The whole workflow, report and figures included; Snakemake's own start and planning too. Recordings "
-        f"are 16 receivers, {' and '.join(map(str, FRAMES.values()))} frames, of {SIMULATED} simulated "
-        "subjects under as many names as there are subjects.",
+        f"are raw captures of 16 receivers, {' and '.join(map(str, FRAMES.values()))} frames, of {SIMULATED} "
+        "simulated subjects under as many names as there are subjects.",
     )
-    yield hand_table(rounds)
+    if rounds:
+        yield hand_table(rounds)
+
+
+def stage_table(name: str, folder: Path, jobs: Sequence[dict[str, Any]], usage: Usage) -> PrintedTable:
+    """Return what each stage's jobs took, and beside it what their files take pyarrow alone."""
+    rows: list[tuple[Cell, ...]] = []
+    for stage in dict.fromkeys(each["stage"] for each in jobs):
+        of_stage = [each for each in jobs if each["stage"] == stage]
+        taken = [sum(each.get(kind, 0.0) for each in of_stage) for kind in KINDS]
+        rows.append((stage, len(of_stage), sum(taken), *taken, sum(_floor_s(folder, e) for e in of_stage)))
+    work_s = sum(each.get(kind, 0.0) for each in jobs for kind in KINDS)
+    rows.append(("what asks for jobs, Snakemake", len(jobs), usage.processor_s, None, None, None, None))
+    rows.append(("all", len(jobs), usage.processor_s + work_s, None, None, None, None))
+    return PrintedTable(
+        f"stages of a study: {name}",
+        ("stage", "jobs:d", "processor s:.2f", "start:.2f", "files:.2f", "arithmetic:.2f", "floor:.2f"),
+        rows,
+        "Start: of the fork, and imports. Files: reading, decoding and writing. Floor: the Parquet files and "
+        "captures that the command line names, read whole and written once more by pyarrow alone.",
+    )
+
+
+def _floor_s(folder: Path, of_job: dict[str, Any]) -> float:
+    """Return the processor seconds in which pyarrow reads a job's inputs and writes its outputs."""
+    option, seconds = "", 0.0
+    for word in of_job["argv"]:
+        option, value = (
+            (word.split("=", 1)[0], word.partition("=")[2]) if word[:2] == "--" else (option, word)
+        )
+        path, written = folder / value, option.startswith("--out")
+        for file in path.glob("*.parquet") if path.is_dir() and value and written else [path]:
+            started = time.process_time()
+            if file.suffix == ".parquet" and file.is_file():
+                table = pq.read_table(file, use_threads=False)
+                if written:
+                    started = time.process_time()
+                    pq.write_table(table, pa.BufferOutputStream())
+            elif file.suffix == ".arrows" and file.is_file():
+                pa.ipc.open_stream(file).read_all()
+            seconds += time.process_time() - started
+    return seconds
 
 
 def _recordings() -> Iterator[tuple[str, str]]:
     return ((hand, task) for hand in ("right", "left") for task in ROLES)
 
 
-def run_study(folder: Path, simulated: Path, subjects: int) -> Usage:
+def run_study(folder: Path, simulated: Path, subjects: int, models: str, **environment: str) -> Usage:
     """Write a study of so many subjects, recordings linked from those that are simulated, and run it."""
     sheet = ["subject\thand\ttask\trole\tfile"]
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
     for index in range(subjects):
         for hand, task in _recordings():
-            file = folder / "recordings" / f"{index:04}_{hand}_{task}.parquet"
+            file = folder / "recordings" / f"{index:04}_{hand}_{task}.arrows"
             if not file.exists():
-                os.link(simulated / f"{index % SIMULATED}_{hand}_{task}.parquet", file)
+                os.link(simulated / f"{index % SIMULATED}_{hand}_{task}.arrows", file)
             sheet.append(f"{index:04}\t{hand}\t{task}\t{ROLES[task]}\trecordings/{file.name}")
     (folder / "recordings.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
-    text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{MODELS}]\n"
+    text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{models}]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
     command = [sys.executable, "-m", "snakemake", f"--snakefile={ROOT / 'Snakefile'}", f"--cores={CORES}"]
-    return run_process([*command, "--configfile", str(folder / "study.yaml")], folder)
+    return run_process([*command, "--configfile", str(folder / "study.yaml")], folder, **environment)
 
 
 def _row(name: str, usage: Usage) -> tuple[Cell, ...]:

@@ -10,9 +10,8 @@ from itertools import combinations, permutations, product
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from shukotsu.hand.rotations import Array, from_matrix, matrix
+from shukotsu.hand.rotations import Array, angle, from_matrix, matrix
 from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
 from shukotsu.study.findings import Values
 from shukotsu.study.layout import Layout
@@ -209,6 +208,8 @@ def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable
     """
 
     def change(quaternion: Array) -> Array:
+        from scipy.spatial.transform import Rotation  # for the few files with angles; it takes a second
+
         read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
         with warnings.catch_warnings(action="ignore"):  # at the poles one angle of two is as good
             angles = factor * read.as_euler(declared)
@@ -337,8 +338,7 @@ def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[Sam
 
 def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
     """Yield a receiver, or every receiver alike, turned on its bone by quarter turns."""
-    cube = Rotation.create_group("O").as_matrix().round()
-    for turn in cube[np.trace(cube, axis1=1, axis2=2) < 3]:  # all of its 24 turns but the identity
+    for turn in _cube_turns():
         values: dict[str, Any] = _turn_values(turn, recorded.mirror)
         # a column is where the bone's axis points in the receiver's frame
         axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
@@ -349,6 +349,15 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
                 "receiver-turned", _undo_turn(turn, index), "one",
                 values | _axes_values(axes[index]) | {"segment": segment}, frozenset({index}),
             )  # fmt: skip
+
+
+def _cube_turns() -> Array:
+    """Rotation matrices (23, 3, 3) of the turns of a cube, of quarters, halves and thirds."""
+    whole = np.array([*product((1.0, 0.0, -1.0), repeat=4)])
+    parts = (whole != 0).sum(1)
+    first = np.take_along_axis(whole, (whole != 0).argmax(1)[:, None], 1)[:, 0]  # q and -q are one
+    kept = (first > 0) & np.isin(parts, (1, 2, 4)) & whole[:, 1:].any(1)
+    return matrix(whole[kept] / np.sqrt(parts[kept])[:, None]).round() + 0.0
 
 
 ALIKE = 1e-6
@@ -376,9 +385,8 @@ def _undo_turn(turn: Array, receiver: int | slice = slice(None)) -> Callable[[Sa
 def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
     """Return by how much and about which of its axes it is turned; none: about a diagonal."""
     in_receiver = turn * mirror[:, None] * mirror
-    axis = Rotation.from_matrix(in_receiver).as_rotvec(degrees=True)
-    degrees = round(float(np.linalg.norm(axis)))
-    axis = axis / degrees
+    turned = from_matrix(in_receiver)
+    degrees, axis = round(float(np.degrees(angle(turned)))), turned[1:]
     along = np.flatnonzero(np.abs(axis) > 0.3)
     if len(along) == 1:
         sign = -1 if axis[along[0]] < 0 and degrees != 180 else 1

@@ -13,6 +13,7 @@ import numpy as np
 
 from shukotsu.fit import compiled_equations
 from shukotsu.fit.chain import hand_model
+from shukotsu.fit.kernel.compiled import folders
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs
 from shukotsu.study.layout import read_layout
 
@@ -27,6 +28,12 @@ def compile_all() -> None:
     steps = compiled_equations.reduce(problem, point)
     compiled_equations.back_substitute(problem, point, steps, np.zeros(len(point.x)))
     compiled_equations.pose(problem, point)
+
+
+def load_compiled() -> None:
+    """Load what is compiled already, for the forks of this process to share; compile nothing."""
+    if all(folder and any(folder.glob(f"{name}-*.nbi")) for name, folder in folders.items()):
+        compile_all()
 
 
 def one_frame() -> tuple[Problem, Point]:

@@ -155,7 +155,7 @@ def _prior(problem: Problem) -> derivatives.Prior:
 
 @dataclass(frozen=True)
 class _Evaluated:
-    """A problem at a point, as the kernel sees it."""
+    """A problem at a point, as the kernel sees it; the last two are kept, as most are asked for again."""
 
     chains: forward.FlatChains
     amounts: forward.Amounts
@@ -166,6 +166,7 @@ class _Evaluated:
     current: derivatives.ResidualArrays
 
     @classmethod
+    @lru_cache(maxsize=2)
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
         chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
         amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)

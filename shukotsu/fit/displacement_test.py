@@ -66,6 +66,8 @@ MOST_RIVALS, RIVAL_SHARE = 3, 0.4
 
 PRIOR = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
+_EDGE_STEPS, _LEAST_MORE = 12, 1e-12
+
 
 @dataclass(frozen=True)
 class Displacement:
@@ -272,19 +274,22 @@ def _by_interval(
     when skin (F, n, R, 6) may take any part of it, and the hand's unknowns theirs.
     """
     n_frames, n, n_ways, _ = skin.shape
-    by_x = branch.by_x.reshape(6 * n * n_frames, -1)
-    slope = (branch.slope.ravel() - by_x @ (left.covariance @ left.gradient)).reshape(n_frames, n, 6)
-    columns = branch.curvature.reshape(n_frames, 6 * n, n, 1, 6) * skin[:, None]
-    pull = np.einsum("fiag,fira->gira", branch.by_x.reshape(n_frames, n, 6, -1), skin, optimize=True)
-    n_skin = 6 * n * n_ways
-    by_skin = columns.reshape(-1, n_skin) - by_x @ (left.covariance @ pull.reshape(-1, n_skin))
-    of_skin = by_skin.reshape(n_frames, n, 6, n_skin)
-    inner = np.eye(n_skin) + np.einsum("fira,fias->iras", skin, of_skin, optimize=True).reshape(n_skin, -1)
-    rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel()
-    at_cuts = np.add.reduceat(of_skin, cuts)
-    blocks = np.add.reduceat(branch.curvature.reshape(n_frames, n, 6, n, 6), cuts)
-    pulls = np.add.reduceat(branch.by_x.reshape(n_frames, n, 6, -1), cuts)
-    slopes, every = np.add.reduceat(slope, cuts), np.arange(len(cuts))
+    n_skin, shape = 6 * n * n_ways, (n_frames, n, 6)
+    by_x, slope = branch.by_x.reshape(*shape, -1), branch.slope.reshape(shape)
+    of_skin = (branch.curvature.reshape(n_frames, 6 * n, n, 1, 6) * skin[:, None]).reshape(*shape, n_skin)
+    pull = np.einsum("fiag,fira->gira", by_x, skin, optimize=True).reshape(-1, n_skin)
+    x_by_skin, x = left.covariance @ pull, left.covariance @ left.gradient
+    inner = np.eye(n_skin) - pull.T @ x_by_skin
+    inner += np.einsum("fira,fias->iras", skin, of_skin, optimize=True).reshape(n_skin, -1)
+    rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel() - pull.T @ x
+    every = np.arange(len(cuts))
+    interval = (np.searchsorted(cuts, np.arange(n_frames), "right") - 1 == every[:, None]).astype(float)
+    blocks, pulls, slopes, at_cuts = (  # sums over the frames of each interval, as one product each
+        np.tensordot(interval, values, 1)
+        for values in (branch.curvature.reshape(*shape, n, 6), by_x, slope, of_skin)
+    )
+    slopes -= pulls @ x
+    at_cuts -= np.tensordot(pulls, x_by_skin, 1)
     with_skin = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
     taken = np.linalg.solve(inner, np.concatenate([*with_skin, rhs[None]]).T)
     by_receiver = {}
@@ -305,16 +310,21 @@ def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Ar
 
 
 def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
-    """Most (K,) that a step within an ellipsoid of these radii (K, 6) gains; trust region, by bisection."""
+    """Most (K,) that a step within an ellipsoid of these radii (K, 6) gains.
+
+    Trust region, by Newton's steps on 1 / |z| from where one component alone is at the edge (More & Sorensen
+    1983, SIAM J Sci Stat Comput 4:553): they never go too far.
+    """
     values, vectors = np.linalg.eigh(radii[:, :, None] * curvature * radii[:, None])
     values = np.maximum(values, 0.0)
     b = (vectors.swapaxes(-1, -2) @ (radii * slope)[..., None])[..., 0]
-    low, high = np.zeros(len(b)), np.linalg.norm(b, axis=-1) + 1e-9
-    for _ in range(50):
-        middle = (low + high) / 2
-        outside = ((b / (values + middle[:, None])) ** 2).sum(-1) > 1
-        low, high = np.where(outside, middle, low), np.where(outside, high, middle)
-    z = b / (values + high[:, None])
+    more = np.maximum(np.abs(b) - values, _LEAST_MORE).max(-1, keepdims=True)
+    for _ in range(_EDGE_STEPS):
+        z = b / (values + more)
+        length = np.linalg.norm(z, axis=-1, keepdims=True)
+        slope_there = (z**2 / (values + more)).sum(-1, keepdims=True)
+        more += np.where(length > 1.0, (length - 1.0) * length**2 / np.maximum(slope_there, _LEAST_MORE), 0.0)
+    z = b / (values + more)
     return np.asarray((b * z - values * z**2 / 2).sum(-1))
 
 

@@ -151,21 +151,31 @@ def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Ar
     of K errors of which each receiver has its share (F, S, K) in each frame.
     """
     left, frames = Eliminated.of(problem, point), problem.frames
-    n_frames, n_own = len(share), 6 * share.shape[-1]
-    slope, curvature = np.zeros(n_own), np.zeros((n_own, n_own))
-    by_root, by_x = np.zeros((n_frames, 6, n_own)), np.zeros((n_own, len(point.x)))
+    n_frames, n_errors = len(share), share.shape[-1]
+    slope, curvature = np.zeros((n_errors, 6)), np.zeros((n_errors, 6, n_errors, 6))
+    by_root, by_x = np.zeros((n_frames, 6, n_errors, 6)), np.zeros((n_errors, 6, len(point.x)))
+    over_poses = ((0, 1), (0, 1))
     for branch in left.branches:
         receivers = list(branch.receivers)
-        back = frames.rotation[:, receivers].swapaxes(-1, -2)
-        design = np.zeros((n_frames, len(receivers), 6, share.shape[-1], 6))
-        for rows in (slice(0, 3), slice(3, 6)):
-            design[:, :, rows, :, rows] = back[:, :, :, None] * share[:, receivers, None, :, None]
-        flat = design.reshape(n_frames, -1, n_own)
-        by_root += branch.root.swapaxes(-1, -2) @ flat
-        stiff = branch.curvature + branch.root @ branch.root.swapaxes(-1, -2)
-        curvature += np.tensordot(flat, stiff @ flat, ((0, 1), (0, 1)))
-        by_x += np.tensordot(flat, branch.by_x, ((0, 1), (0, 1)))
-        slope += np.tensordot(flat, branch.slope, ((0, 1), (0, 1)))
-    curvature -= np.tensordot(by_root, by_root, ((0, 1), (0, 1)))
-    pulled = by_x @ left.covariance
-    return slope - pulled @ left.gradient, curvature - pulled @ by_x.T
+        of_each = share[:, receivers]  # (F, n, K)
+
+        def turned(values: Array, receivers: list[int] = receivers) -> Array:
+            """What is by displacements (F, 6 n, ...) by the transmitter's axes, (F, n, 6, ...)."""
+            halves = values.reshape(n_frames, len(receivers), 2, 3, -1)
+            there = frames.rotation[:, receivers, None] @ halves
+            return np.asarray(there.reshape(n_frames, len(receivers), 6, *values.shape[2:]))
+
+        root = turned(branch.root)
+        by_root += np.einsum("fsar,fsk->frka", root, of_each, optimize=True)
+        stiff = turned(branch.curvature + branch.root @ branch.root.swapaxes(-1, -2))
+        stiff = turned(np.moveaxis(stiff, 3, 1).reshape(n_frames, -1, len(receivers) * 6))
+        stiff = stiff.reshape(n_frames, len(receivers), 6, len(receivers), 6)
+        one_side = np.einsum("fsbta,ftk->fskab", stiff, of_each, optimize=True)
+        curvature += np.tensordot(one_side, of_each, over_poses).transpose(0, 1, 3, 2)
+        by_x += np.tensordot(of_each, turned(branch.by_x), over_poses)
+        slope += np.tensordot(of_each, turned(branch.slope), over_poses)
+    n_amounts = 6 * n_errors
+    flat_root, flat_x = by_root.reshape(-1, n_amounts), by_x.reshape(n_amounts, -1)
+    pulled = flat_x @ left.covariance
+    curved = curvature.reshape(n_amounts, n_amounts) - flat_root.T @ flat_root - pulled @ flat_x.T
+    return slope.ravel() - pulled @ left.gradient, curved

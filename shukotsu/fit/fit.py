@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -179,18 +180,25 @@ class HandFit:
     """A fitted hand, its evidence, and every receiver's rms residual, mm and deg per component."""
 
     evidence: Evidence
-    summary: HandSummary
     residual_rms: Mapping[str, tuple[float, float]]
+
+    @cached_property
+    def summary(self) -> HandSummary:
+        """Joints between receivers and beside them, and the angles' axes."""
+        return summarise(self.evidence)
 
     @property
     def joints(self) -> Mapping[str, FittedJoint]:
         """Every joint between two receivers, by name."""
         return self.summary.joints
 
-    @property
+    @cached_property
     def bones(self) -> Mapping[str, FittedBone]:
         """Lengths of the bones, by segment."""
-        return self.summary.bones
+        lengths = self.evidence.model.length.items()
+        return {
+            segment: FittedBone(*self.evidence.posterior.of_amount(length)) for segment, length in lengths
+        }
 
     @property
     def side(self) -> str:
@@ -205,7 +213,7 @@ class HandFit:
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
         """The hand with other unknowns (G,) and covariance (G, G)."""
         evidence = replace(self.evidence, posterior=self.evidence.posterior.moved_to(x, covariance))
-        return replace(self, evidence=evidence, summary=summarise(evidence))
+        return replace(self, evidence=evidence)
 
 
 def fit_hand(
@@ -251,7 +259,7 @@ def fit_hand(
     evidence = Evidence(
         layout, model, convention, problem, posterior, posterior, share, solution.point.y, solution.converged
     )
-    return HandFit(evidence, summarise(evidence), _residual_rms(problem, solution, model))
+    return HandFit(evidence, _residual_rms(problem, solution, model))
 
 
 def _model(

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -271,20 +272,31 @@ class _BranchBones:
     by_own: Array
 
 
+class _ByTurn(NamedTuple):
+    """Derivatives of a joint's angles, deg, by a turn of its second bone against the first, which are columns
+    of all bones: (F, 3, 3); and by its axes' and its zero's turns (F, 3, 4), which axes_by_x (4, G) has by
+    the unknowns.
+    """
+
+    first: int
+    second: int
+    by_turn: Array
+    by_axes: Array
+    axes_by_x: Array
+
+
 @dataclass(frozen=True)
 class Postures:
     """Posed frames, and what of their errors does not depend on which receivers show them.
 
-    point : the frames as solved, of a right hand. by_turn : joint to the columns of its bones and the
-    derivatives of its angles, deg, by a turn of the second against the first (F, 3, 3) and by unknowns (F, 3,
-    G).
+    point : the frames as solved, of a right hand. by_turn : joint to what its angles change with.
     """
 
     tips: Fingertips
     posed: PosedHand
     point: Point
     bones: tuple[_BranchBones, ...]
-    by_turn: Mapping[str, tuple[int, int, Array, Array]]
+    by_turn: Mapping[str, _ByTurn]
 
     @classmethod
     def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
@@ -362,9 +374,7 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
     return out
 
 
-def _by_turns(
-    tips: Fingertips, posed: PosedHand, point: Point
-) -> Iterator[tuple[str, tuple[int, int, Array, Array]]]:
+def _by_turns(tips: Fingertips, posed: PosedHand, point: Point) -> Iterator[tuple[str, _ByTurn]]:
     """Joints of known anatomy that move, as in `Postures`."""
     fit, quaternion = tips.fit, posed.bone_quaternion
     ahead, behind = (joint_angles_of(fit, posed, sign * _NUDGE_RAD) for sign in (1, -1))
@@ -373,15 +383,16 @@ def _by_turns(
         by_turn = _by_turn(quaternion[:, a], quaternion[:, b], fit.side, *axes.of_hand(fit.side))
         if fit.side == "left":
             by_turn = by_turn * -MIRROR  # rotations are pseudo-vectors
-        by_axes = _differences(ahead[joint], behind[joint])[..., None] * axes.turn_by_x
-        yield joint, (a, b, by_turn, by_axes - by_turn @ point.root @ axes.rest_by_x)
+        by_axes = _differences(ahead[joint], behind[joint])[..., None]
+        by_axes = np.concatenate([by_axes, -by_turn @ point.root], -1)
+        yield joint, _ByTurn(a, b, by_turn, by_axes, np.vstack([axes.turn_by_x, axes.rest_by_x]))
 
 
 def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str, Array]]:
     """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
-    for joint, (a, b, by_turn, by_x) in postures.by_turn.items():
+    for joint, (a, b, by_turn, by_axes, axes_by_x) in postures.by_turn.items():
         turned = by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
-        yield joint, turned + _times(by_x, spread.unknowns[: by_x.shape[-1]])
+        yield joint, turned + by_axes @ (axes_by_x @ spread.unknowns[: axes_by_x.shape[1]])
     by_anatomy = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
     others = [name for name, _ in postures.posed.angle_names]
     for joint in dict.fromkeys(others):

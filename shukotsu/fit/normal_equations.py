@@ -55,21 +55,28 @@ class RoomField:
     def by_unknown(self, position_mm: Array) -> Array:
         """Derivative (..., 3, 12) of the turn, a rotation vector in the transmitter's frame, at places."""
         out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
-        off_mm = position_mm - self.centre_mm
-        far = np.linalg.norm(off_mm, axis=-1, keepdims=True) / max(self.reach_mm, 1.0)
-        slope = prior.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0)
+        slope = self._slope(position_mm)
         for axis in range(3):
             out[..., axis, axis] = prior.FIELD_TURN_SD_RAD
             out[..., axis, 3 + 3 * axis : 6 + 3 * axis] = slope
         return out
 
+    def _slope(self, position_mm: Array) -> Array:
+        """Derivative (..., 3) of each axis of the turn by the unknowns of its growth, at places (..., 3)."""
+        off_mm = position_mm - self.centre_mm
+        far = np.linalg.norm(off_mm, axis=-1, keepdims=True) / max(self.reach_mm, 1.0)
+        return np.asarray(prior.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
+
     def turn(self, position_mm: Array, x: Array) -> Array:
         """Return the field's rotations (..., 3, 3) of what is measured at places (..., 3); x : (G,)."""
-        return exp_rotation(self.by_unknown(position_mm) @ x[self.unknowns])
+        turn, slopes = np.split(x[self.unknowns], [3])
+        return exp_rotation(
+            prior.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
+        )
 
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
         """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
-        return np.asarray(self.turn(position_mm, x).swapaxes(-1, -2) @ rotation)
+        return np.asarray(self.turn(position_mm, -x) @ rotation)
 
 
 Rows = Index | npt.NDArray[np.bool_] | slice
@@ -91,7 +98,7 @@ class Frames:
         return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Point:
     """Values of all unknowns: x (G,), y (F, S), root (F, 3, 3), root_mm (F, 3)."""
 
@@ -124,7 +131,7 @@ class Observations:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """What is fitted to what.
 

@@ -94,20 +94,19 @@ class AngleAxes:
 @dataclass(frozen=True)
 class HandSummary:
     """Joints between two receivers; lone, beside which one could be worn and is not; palm, whose child
-    carries none; fixed centres, which do not move (the wrist, where it is no joint); bones by segment;
-    zero and axes of the angles.
+    carries none; fixed centres, which do not move (the wrist, where it is no joint); zero and axes of the
+    angles.
     """
 
     joints: dict[str, FittedJoint]
     lone: dict[str, FittedJoint]
     palm: dict[str, FittedJoint]
     fixed: dict[str, FittedJoint]
-    bones: dict[str, FittedBone]
     angle_axes: dict[str, AngleAxes]
 
 
 def summarise(evidence: Evidence) -> HandSummary:
-    """Joints, bones and wrist of a solved fit."""
+    """Joints and wrist of a solved fit."""
     places = places_of(evidence.model, evidence.posterior)
     joints: dict[str, FittedJoint] = {}
     lone: dict[str, FittedJoint] = {}
@@ -129,9 +128,7 @@ def summarise(evidence: Evidence) -> HandSummary:
         still = np.zeros((3, len(evidence.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
         fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, evidence)
-    lengths = evidence.model.length.items()
-    bones = {segment: FittedBone(*evidence.posterior.of_amount(length)) for segment, length in lengths}
-    return HandSummary(joints, lone, palm, fixed, bones, angle_axes(evidence, places))
+    return HandSummary(joints, lone, palm, fixed, angle_axes(evidence, places))
 
 
 def unmodelled_mm2(joint: str, evidence: Evidence) -> float:

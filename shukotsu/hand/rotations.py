@@ -164,5 +164,6 @@ def cross_matrix(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
 def exp_rotation(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors."""
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = cross_matrix(vector)
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * K @ K)
+    outer = vector[..., :, None] * vector[..., None, :]  # K K = v v^T - |v|^2, K being the cross matrix
+    once, twice = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    return np.asarray(np.eye(3) * (1.0 - twice * angle**2) + once * cross_matrix(vector) + twice * outer)

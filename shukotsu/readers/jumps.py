@@ -244,9 +244,15 @@ def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
     for side in (0, 1):  # in the frame before, or in that after, one of them may not be seen
         _, i, j = np.intersect1d(first[0][:, side], second[0][:, side], return_indices=True)
         (before, after), (before_2, after_2) = (first[1][i], first[2][i]), (second[1][j], second[2][j])
-        own_mm = _turned_and_apart(before, after)[0] + _turned_and_apart(before_2, after_2)[0]
-        crossed = np.stack([_turned_and_apart(before, after_2), _turned_and_apart(before_2, after)])
-        changed = (crossed[:, 0].sum(0) < EXCHANGED * own_mm) & (crossed[:, 1].max(0) < EXCHANGE_DEG)
+        starts, ends = np.stack([before, before_2]), np.stack([after, after_2])
+        own_mm, crossed_mm = (
+            np.linalg.norm(starts[..., :3] - there[..., :3], axis=-1).sum(0) for there in (ends, ends[::-1])
+        )
+        near = np.flatnonzero(crossed_mm < EXCHANGED * own_mm)
+        turned_deg = [
+            _turned_and_apart(*pair)[1] for pair in zip(starts[:, near], ends[::-1, near], strict=True)
+        ]
+        changed = near[np.max(turned_deg, axis=0) < EXCHANGE_DEG]
         moments.append(np.minimum(first[0][i, 1], second[0][j, 1])[changed])
     return np.unique(np.concatenate(moments))
 

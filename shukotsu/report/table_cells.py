@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -15,7 +16,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from shukotsu.scores.paired_statistics import LEVEL
-from shukotsu.translation import N_, tr, translated, word
+from shukotsu.translation import N_, language, tr, translated, word
 
 DASH = "–"
 
@@ -95,8 +96,14 @@ _TERMS: Mapping[str, str] = {
 
 def meaning(cell: object) -> str:
     """Return what a heading or a row's name means, in the language in use; empty where it is plain."""
+    return tr(_meanings(language()).get(str(cell), ""))
+
+
+@lru_cache
+def _meanings(_: str) -> Mapping[str, str]:
+    """Return what means something in a language: headings and other words, with their meanings in English."""
     of_headings = {heading(name): text for name, text in MEANINGS.items()}
-    return tr((of_headings | {tr(name): text for name, text in _TERMS.items()}).get(str(cell), ""))
+    return of_headings | {tr(name): text for name, text in _TERMS.items()}
 
 
 def heading(name: str) -> str:

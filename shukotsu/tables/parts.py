@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -98,7 +98,7 @@ class PartsWriter:
         """Write the pending rows as one row group, and the list of parts."""
         if self._waiting:
             self._writer.write_table(pa.concat_tables(rows for _, rows in self._waiting))
-        listed = [{**asdict(part), **parameters} for part, parameters in self._parts.items()]
+        listed = [{**vars(part), **parameters} for part, parameters in self._parts.items()]
         text = json.dumps(listed, ensure_ascii=False, sort_keys=True)
         self._writer.add_key_value_metadata({PARTS_KEY: text})
 
@@ -309,18 +309,18 @@ def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
 def _named_keys(table: Table, part: Part) -> dict[str, str]:
     """Keys of a part for which the table has columns."""
     names = {column.name for column in table.columns}
-    return {name: value for name, value in asdict(part).items() if name in names}
+    return {name: value for name, value in vars(part).items() if name in names}
 
 
 def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
     """Parts listed in the file's metadata, with their parameters."""
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
-        parts = {Part(*(entry.pop(field.name) for field in fields(Part))): entry for entry in listed}
-        texts = [text for part in parts for text in astuple(part)]
-        texts += [entry.get(name, "") for entry in parts.values() for name in ("failure", "note")]
+        names = [field.name for field in fields(Part)]
+        texts = [entry[name] for entry in listed for name in names]
+        texts += [entry.get(name, "") for entry in listed for name in ("failure", "note")]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a name or a reason is no text")
-        return parts
+        return {Part(*(entry.pop(name) for name in names)): entry for entry in listed}
     except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise TableError(f"{path}: does not list its parts; {remedy_of(path)}") from error

@@ -217,7 +217,7 @@ class TableFile:
     path: Path
     table: Table
     file: pq.ParquetFile
-    _ends: dict[tuple[int, int, bool], tuple[Any, Any] | None] = field(default_factory=dict)
+    _ends: dict[tuple[int, str, bool], tuple[Any, Any] | None] = field(default_factory=dict)
 
     @cached_property
     def group_rows(self) -> list[int]:
@@ -249,11 +249,12 @@ class TableFile:
 
     def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
         """Smallest and largest value of a column in a row group, see `column_ends`."""
-        at = group, self._index[name]
-        if (*at, with_nulls) not in self._ends:
+        key = group, name, with_nulls
+        if key not in self._ends:
+            at = group, self._index[name]
             ends = column_ends(self.path, self.file, *at, sealed=self._sealed, with_nulls=with_nulls)
-            self._ends[*at, with_nulls] = ends
-        return self._ends[*at, with_nulls]
+            self._ends[key] = ends
+        return self._ends[key]
 
     def rows_with(
         self,
@@ -283,23 +284,21 @@ class TableFile:
 
         """
         limits = {name: (value, value) for name, value in keys.items()} | dict(between or {})
-        for group in range(self.file.num_row_groups):
-            mixed = []  # key columns with several values; text is expensive to read, so only where needed
-            for name, limit in limits.items():
-                ends = self.ends(group, name)
-                if ends is not None and (ends[0] > limit[1] or ends[1] < limit[0]):
-                    break
-                if ends != limit and name in keys:
-                    mixed.append(name)
-            else:
-                ends = self.ends(group, by) if by else None
-                value = ends[0] if ends is not None and ends[0] == ends[1] else ""
-                names = None if columns is None else [*columns, *([by] if by and not value else [])]
-                wanted = None if names is None else [*dict.fromkeys([*mixed, *names])]
-                rows = self.read(wanted, [group])
-                for name in mixed:
-                    rows = rows.filter(pc.equal(rows.column(name), keys[name]))
-                yield value, rows if names is None else rows.select(names)
+        groups: Sequence[int] = range(self.file.num_row_groups)
+        for name, (low, high) in limits.items():
+            found = [(group, self.ends(group, name)) for group in groups]
+            groups = [group for group, ends in found if ends is None or (ends[0] <= high and ends[1] >= low)]
+        for group in groups:
+            # key columns with several values; text is expensive to read, so only where needed
+            mixed = [name for name in keys if self.ends(group, name) != limits[name]]
+            ends = self.ends(group, by) if by else None
+            value = ends[0] if ends is not None and ends[0] == ends[1] else ""
+            names = None if columns is None else [*columns, *([by] if by and not value else [])]
+            wanted = None if names is None else [*dict.fromkeys([*mixed, *names])]
+            rows = self.read(wanted, [group])
+            for name in mixed:
+                rows = rows.filter(pc.equal(rows.column(name), keys[name]))
+            yield value, rows if names is None else rows.select(names)
 
 
 @contextmanager

@@ -35,6 +35,8 @@ FLAGS = {
     "distorted": "the tracker saw its field distorted by metal",
 }
 """What a record's flags say; bit i of the number stands for the i-th."""
+MOST_KEPT = 8
+"""Blocks of records, 50 MB: a longer archive is decoded again rather than kept."""
 BIT = {flag: np.uint16(1 << bit) for bit, flag in enumerate(FLAGS)}
 
 UNUSABLE = ("doubtful", "out-of-order")
@@ -122,7 +124,7 @@ class Survey:
     gaps : (G, 4) station, first and last frame that have no good record of it (station 0: of none at all),
     whether the receiver was absent. partial_frames : ascending, that lack a lost record while others are
     there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the records that
-    are so; errors : letter -> the good records with it.
+    are so; errors : letter -> the good records with it. blocks : as decoded, of a short archive.
     """
 
     settings: StreamSettings
@@ -136,6 +138,7 @@ class Survey:
     errors: dict[str, Sightings] = field(default_factory=dict)
     distorted: Sightings = field(default_factory=Sightings)
     skipped: list[tuple[int, int, int]] = field(default_factory=list)
+    blocks: list[RecordBlock] = field(default_factory=list)
 
     @property
     def records(self) -> dict[int, int]:
@@ -171,6 +174,7 @@ def survey_archive(archive: Archive) -> Survey:
     arrivals: list[Integers] = []
     for block in blocks_of(archive, tally):
         survey = survey or Survey(block.settings, tally, Losses(block.settings))
+        survey.blocks = [*survey.blocks, block] if len(arrivals) < MOST_KEPT else []
         arrivals.append(survey.add(block))
         lacking.append(survey.losses.add(block))
     assert survey is not None, "an archive gives a block at least"
@@ -199,10 +203,10 @@ class FlaggedRecords:
 
 
 def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords]:
-    """Decode the archive again, with what the survey found; blocks without a record are left out."""
+    """Yield the archive's records with what the survey found; blocks without a record are left out."""
     if survey.clock is None:
         return
-    for block in blocks_of(archive, Tally()):
+    for block in survey.blocks or blocks_of(archive, Tally()):
         if len(block.records):
             time_s = survey.clock.time_s(block.records.frame)
             records, flags = block.records, np.zeros(len(block.records), np.uint16)

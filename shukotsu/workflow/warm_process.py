@@ -1,7 +1,7 @@
 """A process that has imported what jobs need, and forks for each of them (see `shukotsu.job`).
 
-It runs as long as the workflow that started it, on Linux and on one machine. It never computes anything
-itself and so has no thread that a fork would lose.
+It runs as long as the workflow that started it, on Linux and on one machine. It computes nothing with more
+than one thread and so has none that a fork would lose.
 """
 
 from __future__ import annotations
@@ -69,6 +69,8 @@ def serve(listener: socket.socket) -> None:
         if name.startswith("shukotsu."):
             for module in pkgutil.walk_packages(package.__path__, f"{name}."):
                 importlib.import_module(module.name)
+    if (fits := sys.modules.get("shukotsu.fit.compile_kernel")) is not None:
+        fits.load_compiled()  # which takes longer than many a job
     gc.freeze()  # the garbage collector skips existing objects, so that forks share their memory
     forks: set[int] = set()
     while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:

@@ -57,9 +57,8 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
     step = 1e-5 * spread.unknowns[: len(evidence.posterior.x), number]
 
     def moved_hand(x: Array) -> tuple[Array, Array]:
-        moved = replace(evidence, posterior=replace(evidence.posterior, x=x), problem=problem)
-        again = replace(tips, fit=replace(tips.fit, evidence=moved))
-        point = replace(Postures.of(again, posed).point, x=x)
+        fit = tips.fit.moved_to(x, evidence.posterior.covariance)
+        point = replace(Postures.of(replace(tips, fit=fit), posed).point, x=x)
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
         places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:
@@ -68,7 +67,6 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
             places |= dict(zip(branch.marks, reached_poses, strict=True))
         bones = [places[f"bone {name}"] for name in posed.bones]
         turns = [from_matrix(evidence.convention.world(*each)[0]) for each in bones]
-        fit = tips.fit.moved_to(x, evidence.posterior.covariance)
         angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
         return np.stack([position_mm for _, position_mm in bones], 1), np.stack([*angles.values()], 1)
 

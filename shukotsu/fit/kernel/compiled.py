@@ -22,6 +22,11 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _FILES = sorted(Path(__file__).parent.glob("*.py"))
 _DIGEST = hashlib.sha256(b"".join(path.read_bytes() for path in _FILES)).hexdigest()[:12]
 
+folders: dict[str, Path | None] = {}
+"""Folders in which functions' machine code is cached, by the beginning of its file's name; None where it
+cannot be.
+"""
+
 
 def compiled(function: Function, signature: str | None = None) -> Function:
     """Compile when first called, or for a signature now; cache the machine code on disk where possible.
@@ -32,8 +37,11 @@ def compiled(function: Function, signature: str | None = None) -> Function:
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     name = function.__name__
     function.__qualname__ = f"{name}_{_DIGEST}"
+    cached = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}"
+    folders.setdefault(cached)
     try:
         folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
+        folders[cached] = folder
         for index in folder.glob(f"{Path(function.__code__.co_filename).stem}.{name}[-_]*.nbi"):
             if not re.match(rf"\w+\.{name}_{_DIGEST}-", index.name):
                 with suppress(OSError):  # another process was first
