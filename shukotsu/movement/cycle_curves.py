@@ -55,7 +55,7 @@ def over_cycles(time_s: Array, values: Array, cycles: Sequence[Cycle], grid: Gri
         np.array([getattr(cycle, name) for cycle in cycles])[:, None] for name in ("onset_s", "duration_s")
     )
     read_at_s = begin_s + length_s * (PERCENT / PERCENT[-1])
-    return np.interp(read_at_s, np.maximum.accumulate(times_s), grid.spread(values))
+    return np.asarray(np.interp(read_at_s, np.maximum.accumulate(times_s), grid.spread(values)))
 
 
 def curve_rows(

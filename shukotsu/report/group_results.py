@@ -86,6 +86,16 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
     return factors
 
 
+def subject_groups(study: Study) -> dict[str, str]:
+    """Return each subject's level of the study's first factor between subjects; of all '' without one."""
+    rows, skipped = factor_levels(study), not_compared(study)
+    for factor in study.factors:
+        levels = [*dict.fromkeys((row["subject"], row[factor]) for row in rows if row[factor])]
+        if factor not in skipped and len(levels) == len(dict(levels)):
+            return dict(levels)
+    return dict.fromkeys(study.subjects, "")
+
+
 def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[Row]:
     """Return rows of movement_differences: those that the study file names, then those that differ most."""
     rows = movement.differences[movement.differences["factor"] == factor]

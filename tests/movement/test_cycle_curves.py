@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,10 +49,7 @@ def test_cycles_of_any_length_are_laid_over_each_other() -> None:
     cycles = cut_cycles("tap", onset_s.tolist(), [np.nan] * 6)
     assert [bool(cycle.refusal) for cycle in cycles] == [False] * 4 + [True]
     angle = course(np.interp(TIME_S, onset_s, np.arange(6.0))) + 3.0 * (TIME_S - 5.0)
-    courses = [
-        np.interp(np.linspace(begin, end, 101), TIME_S, angle)
-        for begin, end in zip(onset_s[:4], onset_s[1:5], strict=True)
-    ]
+    courses = [np.interp(np.linspace(begin, end, 101), TIME_S, angle) for begin, end in pairwise(onset_s[:5])]
     rows = rows_of_cycles(TIME_S, angle, cycles)
     np.testing.assert_allclose(column(rows, "mean_deg"), np.mean(courses, axis=0))
     np.testing.assert_allclose(column(rows, "sd_deg"), np.std(courses, axis=0, ddof=1))
@@ -60,7 +58,7 @@ def test_cycles_of_any_length_are_laid_over_each_other() -> None:
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_a_cycle_counts_only_where_it_is_measured(lost: bool) -> None:
-    """lost : frames that are not there, rather than frames without an angle."""
+    """Lost : frames that are not there, rather than frames without an angle."""
     cycles = cut_cycles("tap", TIME_S[::96].tolist(), [np.nan] * 10)
     angle, gap = course((TIME_S - 5.0) / (96 * STEP_S)), np.arange(960) // 12 == 11  # 37.5 to 50 % of the 2nd
     time_s = TIME_S[~gap] if lost else TIME_S

@@ -13,11 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from shukotsu.errors import InputError
+from shukotsu.report.figures.cycle_figures import ANGLE_LOOKS, angle_looks, digit_rows, recording_cycles
+from shukotsu.report.figures.drawings import Drawing, NoDataError, count_range, draw_figure, not_drawn
 from shukotsu.report.figures.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
-from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, draw_figure, not_drawn
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.hand_motion import view_base
-from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
+from shukotsu.report.movement_results import recording_curves
+from shukotsu.report.palette import PAPER, RULE, SOFT, model_looks
 from shukotsu.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
@@ -25,19 +27,16 @@ from shukotsu.report.table_cells import number, title
 from shukotsu.study.study import Recording
 from shukotsu.tables.poses import pose_blocks
 from shukotsu.tables.subjects import path_token
-from shukotsu.translation import N_, tr, word
+from shukotsu.translation import tr, word
 
 _STRIP_MM, _ANGLE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 9.0, 8
 """Heights, and about how many marks tell a line apart from others; they are no samples."""
 _GAP_STEPS = 1.9
 """A step between valid samples that is so many times the usual one is a gap: one missing frame makes it 2."""
-_LINES = ((N_("Flexion"), INK), (N_("Abduction or deviation"), HUES["sky"][0]),
-          (N_("Axial rotation"), HUES["vermilion"][0]))  # fmt: skip
-"""Name and colour of each of ANGLES."""
 
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
-    """Draw a recording's figures: tip-error, and joint-angles of every fitted model."""
+    """Draw a recording's figures: tip-error; joint-angles and cycle-curves of every fitted model."""
     yield draw_figure("tip-error", partial(tip_error, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
@@ -45,6 +44,11 @@ def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawin
     if not results.fitted:
         reason = tr("joint angles need a model that fits the whole hand, and this study has none")
         yield not_drawn("joint-angles", reason)
+    for model in results.fitted or [results.leading]:
+        for event in recording_curves(results, recording, model) or [""]:
+            name = "_".join(["cycle-curves", path_token(model), *([path_token(event)] if event else [])])
+            words = recording_text(recording)
+            yield draw_figure(name, partial(recording_cycles, results, recording, model, event, words))
 
 
 def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
@@ -195,25 +199,20 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     traces = _angle_traces(x, read)
     if not traces:
         raise NoDataError(tr("{model} has no joint angles of this recording", model=model))
-    every = [trace for of_joint in traces.values() for trace in of_joint]
+    every = [trace for of_joint in traces.values() for of_angle in of_joint for trace in of_angle if trace]
     low, high = min(np.nanmin(trace.low) for trace in every), max(np.nanmax(trace.high) for trace in every)
     pad = 0.06 * (high - low) or 1.0
-    layout = results.layouts[recording.hand]
-    children = {name: joint.child for name, joint in layout.joints.items()}
-    of_digits = [
-        [joint for joint in traces if joint in digit.joints or children.get(joint) in digit.segments]
-        for digit in layout.digits.values()
-    ]
-    others = [joint for joint in traces if not any(joint in line for line in of_digits)]
-    lines = [line for line in (*of_digits, others) if line]
+    lines = digit_rows(results.layouts[recording.hand], traces)
 
     def draw(axes: Axes, joint: str, first: bool, last: bool) -> None:
         axes.set(ylim=(low - pad, high + pad), ylabel=tr("Angle [deg]") if first else "")
         _time_axes(axes, x, time_words if last else "")
         axes.axhline(0.0, color=RULE, linewidth=0.8)
-        for (_, colour), trace in zip(_LINES, traces[joint], strict=True):
-            axes.fill_between(trace.x, trace.low, trace.high, color=colour, alpha=0.3, linewidth=0)
-            axes.plot(trace.x, trace.high, color=colour, linewidth=0.7)
+        for look, (trace, below, above) in zip(ANGLE_LOOKS.values(), traces[joint], strict=True):
+            if below is not None and above is not None:
+                axes.fill_between(below.x, below.low, above.high, color=look.colour, alpha=0.15, linewidth=0)
+            axes.fill_between(trace.x, trace.low, trace.high, color=look.colour, alpha=0.3, linewidth=0)
+            axes.plot(trace.x, trace.high, color=look.colour, linewidth=0.7)
 
     rows = []
     for line in lines:
@@ -225,23 +224,33 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
                 for joint in line
             ]
         )  # fmt: skip
-    handles = [Line2D([], [], color=colour, label=tr(name)) for name, colour in _LINES]
+    handles = [Line2D([], [], color=look.colour, label=look.label) for look in angle_looks().values()]
     return print_figure(rows, handles), tr(
         "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint coordinate system of "
         "Grood and Suntay, signed as the International Society of Biomechanics recommends for the hand: "
         "flexion, ulnar deviation and pronation are positive [deg]. Line: the largest value of every stretch "
-        "of time that print can resolve; shade: down to the smallest; broken where frames are missing.",
+        "of time that print can resolve; shade: down to the smallest; lighter shade: the stated 1-sigma "
+        "error to either side; broken where frames are missing.",
         recording_text=recording_text(recording),
         model=model,
         n_frames=len(x),
     )
 
 
-def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[Trace]]:
-    """Return the three traces of each joint that has an angle."""
+_WithError = tuple[Trace, Trace | None, Trace | None]
+"""An angle, and the same less and plus its stated 1-sigma error; None where none is stated."""
+
+
+def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[_WithError]]:
+    """Return the traces of each joint that has all three angles."""
     columns, traces = _columns_for(len(read) * len(ANGLES)), {}
     for joint, angles in read.items():
-        thinned = [trace for values in angles().T if (trace := thin(x, values, columns)) is not None]
+        numbers = angles()
+        thinned = [
+            (trace, thin(x, angle - sd, columns), thin(x, angle + sd, columns))
+            for angle, sd in zip(numbers[:, : len(ANGLES)].T, numbers[:, len(ANGLES) :].T, strict=True)
+            if (trace := thin(x, angle, columns)) is not None
+        ]
         if len(thinned) == len(ANGLES):
             traces[joint] = thinned
     return traces

@@ -1,25 +1,22 @@
-"""A study's figures, each with its caption, and how figures become files: the same figure, the same bytes."""
+"""A study's figures, each with its caption."""
 
 from __future__ import annotations
 
-import io
-import traceback
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from shukotsu.errors import on_one_line
 from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_text
+from shukotsu.report.figures.cycle_figures import study_cycles
+from shukotsu.report.figures.drawings import Drawing, NoDataError, count_range, draw_figure, study_text
 from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
     FOOT_MM,
@@ -31,15 +28,14 @@ from shukotsu.report.figures.panels import (
     Scale,
     draw_rows,
     in_rows,
-    lay_out,
     panel_names,
     print_figure,
     row_axes,
     scatter_steps,
     value_scale,
 )
-from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, apply_style, label, wrap_text
-from shukotsu.report.group_results import ComparedFactor, compared_factors
+from shukotsu.report.figures.style import wrap_text
+from shukotsu.report.group_results import ComparedFactor, compared_factors, subject_groups
 from shukotsu.report.judged_models import (
     LEFT_OUT,
     PRIOR,
@@ -50,115 +46,46 @@ from shukotsu.report.judged_models import (
     taken_model,
 )
 from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
-from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
+from shukotsu.report.palette import (
+    AMBER,
+    INK,
+    NO,
+    PAPER,
+    RULE,
+    SOFT,
+    Look,
+    digit_looks,
+    level_looks,
+    model_looks,
+)
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import Row as TableRow
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import alike, capital, heading
-from shukotsu.report.templates import plain
-from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Study
 from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
-from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-class NoDataError(Exception):
-    """Why a figure cannot be drawn, in a sentence without a full stop."""
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure, its name in paths and its caption; `missing` says why it shows nothing but a sentence."""
-
-    name: str
-    figure: Figure
-    caption: str
-    missing: str = ""
-
-
 def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
     """Draw the study's figures, STUDY_FIGURES in turn."""
-    movement = read_movement(results)
+    movement, levels = read_movement(results), subject_groups(study)
     draw: dict[str, Callable[[], tuple[Figure, str]]] = {
         "models": lambda: models(results),
         "joint-errors": lambda: joint_errors(results),
         "joint-trust": lambda: joint_trust(results),
         "ranges-of-motion": lambda: ranges_of_motion(results, movement),
+        "cycle-curves": lambda: study_cycles(results, movement, levels),
         "groups": lambda: groups(results, study, movement),
     }
     for name in STUDY_FIGURES:
         yield draw_figure(name, draw[name])
-
-
-def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
-    """Draw a figure in the house's style, or one that says why it cannot be drawn."""
-    try:
-        with apply_style():
-            figure, caption = draw()
-            lay_out(figure, label)
-    except NoDataError as error:
-        return not_drawn(name, str(error))
-    except MemoryError:
-        raise
-    except Exception as error:  # a figure must not cost a study the others
-        traceback.print_exc()
-        return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
-    versions = tr(
-        "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
-        PROGRAM=PROGRAM,
-        VERSION=VERSION,
-        version=matplotlib.__version__,
-    )
-    return Drawing(name, figure, plain(f"{caption} {versions}"))
-
-
-def not_drawn(name: str, reason: str) -> Drawing:
-    """Draw a figure that says why there is none."""
-    sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
-    with apply_style():
-        lines = wrap_text(sentence, 52)
-        figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
-        figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
-    return Drawing(name, figure, sentence, sentence)
-
-
-def save(folder: Path, drawing: Drawing) -> None:
-    """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot.
-
-    Drawn in memory first, for matplotlib says more than one sentence of a disk that is full.
-    """
-    for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
-        written = io.BytesIO()
-        with apply_style():
-            drawing.figure.savefig(written, format=kind, metadata={date: None})
-        with replacing(folder / f"{drawing.name}.{kind}") as temporary:
-            temporary.write_bytes(written.getvalue())
-    write_text(folder / f"{drawing.name}.txt", drawing.caption + "\n")
-
-
-def study_text(results: StudyResults) -> str:
-    """Return which study it is, how many subjects and hands it has, and whether its recordings are real."""
-    return tr(
-        "Study {name}: {kind}{subjects}, {hands}{each}.",
-        name=results.name,
-        kind=tr("simulated recordings of ") if results.simulated else "",
-        subjects=ngettext("{n} subject", "{n} subjects", len(results.subjects)),
-        hands=ngettext("{n} hand", "{n} hands", len(results.hands)),
-        each=tr(" (counted in each session)") if results.has_sessions else "",
-    )
-
-
-def count_range(counts: Iterable[int]) -> str:
-    """Return the numbers of subjects or hands behind several marks: a number, or from which to which."""
-    low, high = min(counts := list(counts)), max(counts)
-    return f"{low}" if low == high else f"{low}–{high}"
 
 
 _MODEL_ROW_MM = 6.0
@@ -436,7 +363,7 @@ def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Pan
     """Return a panel for each number that is drawn of the study's factors: a row a level, a dot a subject."""
     panels = []
     for drawn in (each for factor in factors for each in factor.drawn):
-        looks = _looks_of_levels(drawn.levels)
+        looks = level_looks(drawn.levels)
         rows = [
             PanelRow(level, looks[level], numbers, float(np.mean([*numbers.values()])))
             for level, numbers in drawn.levels.items()
@@ -464,10 +391,6 @@ def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tupl
         study_text=study_text(results),
         model=movement.model,
     )
-
-
-def _looks_of_levels(levels: Iterable[str]) -> dict[str, Look]:
-    return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
 
 
 def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Panel | None:
