@@ -16,10 +16,16 @@ from markupsafe import Markup
 
 from shukotsu.errors import InputError
 from shukotsu.report.belief import joint_anchor, reasons_of
-from shukotsu.report.figures.cycle_figures import NO_CYCLES, group_looks, study_panels
 from shukotsu.report.figures.panels import page_picture, taken_failures
-from shukotsu.report.figures.study_figures import group_panels, joints_in_order, model_panels, range_panels
-from shukotsu.report.group_results import compared_factors, subject_groups
+from shukotsu.report.figures.study_figures import (
+    NO_CYCLES,
+    group_looks,
+    group_panels,
+    joints_in_order,
+    model_panels,
+    range_panels,
+    study_panels,
+)
 from shukotsu.report.judged_models import (
     REPLAY,
     big_numbers,
@@ -27,7 +33,7 @@ from shukotsu.report.judged_models import (
     used_text,
 )
 from shukotsu.report.methods_text import REFERENCES, methods_text
-from shukotsu.report.movement_results import StudyMovement
+from shukotsu.report.movement_results import StudyMovement, compared_factors, subject_groups
 from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links

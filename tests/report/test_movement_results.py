@@ -12,12 +12,16 @@ from report_samples.made_study import FITTED_MODELS, write
 
 from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
-from shukotsu.report.figures.cycle_figures import study_cycles
-from shukotsu.report.figures.drawings import NoDataError
-from shukotsu.report.figures.study_figures import groups, ranges_of_motion
-from shukotsu.report.group_results import compared_factors, subject_groups
+from shukotsu.report.figures.panels import NoDataError
+from shukotsu.report.figures.study_figures import groups, ranges_of_motion, study_cycles
 from shukotsu.report.methods_text import methods_text
-from shukotsu.report.movement_results import RANGE, StudyMovement, read_movement
+from shukotsu.report.movement_results import (
+    RANGE,
+    StudyMovement,
+    compared_factors,
+    read_movement,
+    subject_groups,
+)
 from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study, read_study

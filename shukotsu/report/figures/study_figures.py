@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
@@ -15,27 +15,30 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_text
-from shukotsu.report.figures.cycle_figures import study_cycles
-from shukotsu.report.figures.drawings import Drawing, NoDataError, count_range, draw_figure, study_text
 from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
     FOOT_MM,
     LINE_MM,
     ROW_LETTERS,
     ROW_MM,
+    Drawing,
+    NoDataError,
     Panel,
     PanelRow,
     Scale,
+    count_range,
+    draw_figure,
     draw_rows,
     in_rows,
     panel_names,
     print_figure,
     row_axes,
     scatter_steps,
+    study_text,
     value_scale,
 )
+from shukotsu.report.figures.recording_figures import CurveLook, curve_panels, legend_handles
 from shukotsu.report.figures.style import wrap_text
-from shukotsu.report.group_results import ComparedFactor, compared_factors, subject_groups
 from shukotsu.report.judged_models import (
     LEFT_OUT,
     PRIOR,
@@ -45,7 +48,15 @@ from shukotsu.report.judged_models import (
     judged_models,
     taken_model,
 )
-from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
+from shukotsu.report.movement_results import (
+    OF_ANGLE,
+    RANGE,
+    ComparedFactor,
+    StudyMovement,
+    compared_factors,
+    read_movement,
+    subject_groups,
+)
 from shukotsu.report.palette import (
     AMBER,
     INK,
@@ -162,7 +173,7 @@ def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]
     return [joint for joint in dict.fromkeys([*of_digits, *others, *sorted(joints)]) if joint in joints]
 
 
-_ACROSS = 3
+_ACROSS, _CURVES_ACROSS = 3, 4
 _SKELETON = ("subject", "session", "hand", "model", "calibrated_on")
 
 
@@ -357,6 +368,60 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
         study_text=study_text(results),
         model=movement.model,
     )
+
+
+_STYLES = ("-", "--", ":", "-.")
+
+
+def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
+    """Return the look of each level of a factor; of all subjects alike where they have the one level ''."""
+    if (names := list(levels)) == [""]:
+        return {"": CurveLook(tr("all subjects"), INK)}
+    colours = level_looks(names)
+    return {
+        name: CurveLook(word(name), colours[name].colour, _STYLES[index % len(_STYLES)])
+        for index, name in enumerate(names)
+    }
+
+
+def study_panels(movement: StudyMovement, groups: Mapping[str, str]) -> dict[str, list[Panel]]:
+    """Return by each task and event, in words, a panel a joint: flexion over subjects, a line a group."""
+    looks, of_tasks = group_looks(dict.fromkeys(groups.values())), {}
+    for (task, event), joints in movement.level_curves(groups).items():
+        words = tr("{task}, cycles from “{event}”", task=task, event=event)
+        of_tasks[words] = list(curve_panels(words, joints, looks).values())
+    return of_tasks
+
+
+def study_cycles(
+    results: StudyResults, movement: StudyMovement, groups: Mapping[str, str]
+) -> tuple[Figure, str]:
+    """Draw a panel a joint, task by task. Raises NoDataError where no recording has cycles.
+
+    groups : each subject's level of the factor that is drawn.
+    """
+    of_tasks = study_panels(movement, groups)
+    if not of_tasks:
+        raise NoDataError(tr(NO_CYCLES))
+    rows: list[Sequence[Panel]] = [
+        row for panels in of_tasks.values() for row in in_rows(panels, _CURVES_ACROSS)
+    ]
+    looks = group_looks(dict.fromkeys(groups.values()))
+    return print_figure(rows, legend_handles(looks.values())), tr(
+        "Flexion over the cycle, task by task ({tasks}): mean over subjects of each subject’s own mean cycle "
+        "[deg], at every percent of the cycle; n subjects of every line, in the legend’s order. Shade: one "
+        "standard deviation over subjects to either side. {study_text} Model {model}. Hands with a suspect "
+        "finding are left out.",
+        tasks="; ".join(of_tasks),
+        study_text=study_text(results),
+        model=movement.model,
+    )
+
+
+NO_CYCLES = N_(
+    "no angle is averaged over cycles, for no recording of a task has cycles that can be used; they begin at "
+    "events, which the study’s sheet of events lists"
+)
 
 
 def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Panel]:

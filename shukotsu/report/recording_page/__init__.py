@@ -9,9 +9,8 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from shukotsu.report.belief import belief, believed_counts
-from shukotsu.report.figures.cycle_figures import angle_looks, curve_panels, digit_rows
 from shukotsu.report.figures.panels import page_picture
-from shukotsu.report.figures.recording_figures import recording_text
+from shukotsu.report.figures.recording_figures import angle_looks, curve_panels, digit_rows, recording_text
 from shukotsu.report.movement_results import recording_curves, why_no_curves
 from shukotsu.report.palette import MARK_PATHS
 from shukotsu.report.recording_results import ModelResults, RecordingResults

@@ -140,7 +140,7 @@ class Plot {
     to.rect(LEFT, foot - stripHeight - 2, width, stripHeight + 4);
     to.clip();
     for (const line of lines) {
-      if (line.sd) this.band(line, y);
+      if (line.sd) this.spread(line, y);
       this.curve(line, y);
     }
     to.restore();
@@ -183,7 +183,7 @@ class Plot {
   }
 
   /* One standard deviation to either side of a line, each of its unbroken runs filled. */
-  band({at, sd, colour}, y) {
+  spread({at, sd, colour}, y) {
     const {to, time} = this, {times, usual} = time;
     let run = [];
     const fill = () => {

@@ -9,13 +9,12 @@ from matplotlib.container import BarContainer
 from report_samples.made_study import ANGLES, FITTED_MODELS, MadeStudy, compared
 from report_samples.pages import rows_where
 
-from shukotsu.report.figures.cycle_figures import recording_cycles
-from shukotsu.report.figures.drawings import NoDataError
-from shukotsu.report.figures.panels import page_figure
+from shukotsu.report.figures.panels import NoDataError, page_figure
 from shukotsu.report.figures.recording_figures import (
     find_recording,
     joint_angles,
     of_recording,
+    recording_cycles,
     thin,
     tip_error,
 )
@@ -197,7 +196,7 @@ def test_joint_angles_are_the_tables(study: MadeStudy, recording: Recording) -> 
 
 def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, recording: Recording) -> None:
     """A panel a joint that was measured, digits in rows; a line an angle, a band of one SD to either side."""
-    figure, caption = recording_cycles(study.results, recording, "whole-hand", "", "right hand")
+    figure, caption = recording_cycles(study.results, recording, "whole-hand")
     axes_of = {axes.get_title("right"): axes for axes in figure.axes}
     assert list(axes_of)[:3] == ["thumb_mcp, n = 2–3", "index_mcp, n = 2–3", "index_pip, n = 2–3"]
     for joint in ("index_pip", "ring_mcp"):
@@ -218,7 +217,7 @@ def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, r
 def test_a_recording_without_cycles_says_why(study: MadeStudy) -> None:
     left = find_recording(study.results, "S01", "left", "opposition")
     with pytest.raises(NoDataError, match="No event begins a cycle in this recording"):
-        recording_cycles(study.results, left, "whole-hand", "", "left hand")
+        recording_cycles(study.results, left, "whole-hand")
     assert [each.name for each in of_recording(study.results, left)][-2:] == [
         "cycle-curves_whole-hand", "cycle-curves_whole-hand-b"
     ]  # fmt: skip
