@@ -125,10 +125,13 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
         shown = listed(row.name.replace("\n", " ") for row in rows)
         title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=shown)
-        n = count_range(len(row.numbers) for row in rows)
-        kind = tr("n = {n} subjects, held out", n=n)
+        counts = [len(row.numbers) for row in rows]
+        most, shown_n = max(counts), count_range(counts)
+        kind = ngettext("n = {n_of} subject, held out", "n = {n_of} subjects, held out", most, n_of=shown_n)
         if not each.held_out:
-            kind = tr("n = {n} subjects, in-sample", n=n)
+            kind = ngettext(
+                "n = {n_of} subject, in-sample", "n = {n_of} subjects, in-sample", most, n_of=shown_n
+            )
         draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
@@ -199,8 +202,14 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     panels = []
     for names in alike({model: errors[model] for model in results.models if model in errors}):
         of_model = errors[names[0]]
-        n = count_range(map(len, of_model.error_mm.values()))
-        words = tr("{own}; n = {n} hands", own=listed(names), n=n)
+        counts = [len(of_joint) for of_joint in of_model.error_mm.values()]
+        words = ngettext(
+            "{own}; n = {n_of} hand",
+            "{own}; n = {n_of} hands",
+            max(counts),
+            own=listed(names),
+            n_of=count_range(counts),
+        )
         draw = partial(
             _draw_errors, joints=joints, look=looks[names[0]], errors=of_model, prior=prior, scale=scale
         )
