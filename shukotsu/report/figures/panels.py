@@ -107,6 +107,7 @@ def print_figure(
         lines = [[label.get_text() for label in axes.get_yticklabels()] for axes in drawn]
         for (before, after), axes in zip(pairwise(lines), drawn[1:], strict=True):
             axes.tick_params(labelleft=before != after)
+            axes.set_ylabel(axes.get_ylabel() if before != after else "")
     if handles:
         figure.legend(handles=handles, loc="outside upper center", ncols=columns)
     return figure
