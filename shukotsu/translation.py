@@ -77,6 +77,28 @@ def listed(names: Iterable[str]) -> str:
     return tr(" and ").join([tr(", ").join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
+_MARKS = (N_(", "), N_("; "), N_(": "), N_("."))
+_EAST_ASIAN = "[\u3000-\u30ff\u3400-\u9fff\uff00-\uffef]"
+_BESIDE = re.compile(
+    rf"&#?\w+;|(?<={_EAST_ASIAN})(?:[,;:] |[.:;](?=\s*$))|[,;:] (?={_EAST_ASIAN})"
+    rf"| ?\((?=[^()]*{_EAST_ASIAN})[^()]*\)|(?<={_EAST_ASIAN}) ?\([^()]*\)"
+)
+"""A character that HTML writes by its name; then half-width marks and brackets beside full-width letters."""
+
+
+def punctuated(text: str) -> str:
+    """Return a text with the marks of its language beside its letters, where these are full-width."""
+    marks = {mark.strip(): tr(mark) for mark in _MARKS}
+    if marks["."] == ".":
+        return text
+
+    def full_width(found: re.Match[str]) -> str:
+        mark = found[0].strip()
+        return f"（{mark[1:-1]}）" if mark.startswith("(") else marks.get(mark, found[0])
+
+    return _BESIDE.sub(full_width, _BESIDE.sub(full_width, text))  # a bracket, then the full stop behind it
+
+
 def foreign(text: str) -> str:
     """Mark an English text, such as another program's message, on a page of another language."""
     if not text.strip() or language() == ENGLISH or FOREIGN in text:

@@ -33,7 +33,8 @@ def build_parser() -> argparse.ArgumentParser:
 def draw(arguments: argparse.Namespace) -> None:
     """Read the study's results and write every figure; say on stderr which has no data."""
     from shukotsu.report.figures import recording_figures
-    from shukotsu.report.figures.study_figures import of_study, save
+    from shukotsu.report.figures.panels import save
+    from shukotsu.report.figures.study_figures import of_study
     from shukotsu.report.figures.style import font_note, print_language
     from shukotsu.report.study_results import read_results
     from shukotsu.report.templates import speaking
@@ -68,7 +69,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     if arguments.recording:
         print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
         return
-    from shukotsu.report.figures.study_figures import not_drawn, save
+    from shukotsu.report.figures.panels import not_drawn, save
     from shukotsu.study.results import STUDY_FIGURES
 
     for name in STUDY_FIGURES:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.study.results import Results
-from shukotsu.tables.catalogue import FINGERTIP_PATHS, RANGES_OF_MOTION
+from shukotsu.tables.catalogue import CYCLE_CURVES, FINGERTIP_PATHS, RANGES_OF_MOTION
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, write_table
 
 Row = dict[str, Any]
@@ -58,9 +58,24 @@ def range_row(row: Row, model: str, joint: str, value: float, sd: float | None) 
     return keys | {"model": model, "joint": joint, "angle": "flexion"} | numbers | errors
 
 
-def write_movement(results: Results, range_rows: Sequence[Row]) -> None:
+def curves(rows: Iterable[Row], models: Sequence[str] = MODELS) -> list[Row]:
+    """Rows of cycle_curves: subjects differ in level, groups in course; P00's start is missing."""
+    drawn = []
+    for n, (row, joint, model) in enumerate(product(rows, JOINTS, models)):
+        keys = {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
+        for percent in range(101):
+            angle = 30.0 + n % 7 + (20.0 if row["group"] == "A" else 10.0) * np.sin(np.pi * percent / 100)
+            missing = row["subject"] == "P00" and percent < 20
+            numbers = {"mean_deg": None if missing else angle, "n_cycles": 0 if missing else 5}
+            of = {"model": model, "event": "tap", "joint": joint, "angle": "flexion", "percent": percent}
+            drawn.append(keys | of | numbers)
+    return drawn
+
+
+def write_movement(results: Results, range_rows: Sequence[Row], curve_rows: Sequence[Row] = ()) -> None:
     """Write the study's tables of movement, those of fingertips empty."""
     write(results, RANGES_OF_MOTION, range_rows)
+    write(results, CYCLE_CURVES, curve_rows)
     write(results, FINGERTIP_PATHS, ())
 
 

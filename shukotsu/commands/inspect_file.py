@@ -41,6 +41,7 @@ def main(argv: list[str]) -> int:
 
 def inspect(arguments: argparse.Namespace) -> None:
     """Print what is in the file, a fact a line, and the command to run next; write the mapping if asked."""
+    from shukotsu.readers.inspection.description import CHECK
     from shukotsu.tables.whole_files import write_text
 
     description, target = describe(arguments.file, arguments.layout), arguments.write_mapping
@@ -57,7 +58,8 @@ def inspect(arguments: argparse.Namespace) -> None:
     if whole and not description.draft and (description.recording or _is_poses_table(arguments.file)):
         print("".join(f"{line}\n" for line in finding_lines(arguments)), end="")
     if target is not None:
-        print(f"wrote {target}: put the truth where it says CHECK; import refuses it until then")
+        todo = "put the truth where it says CHECK; import refuses it until then"
+        print(f"wrote {target}: {todo if CHECK in description.draft else 'it is complete; look it over'}")
     mapping, layout = f" --mapping {target}" if description.draft else "", f" --layout {arguments.layout}"
     then = f"shukotsu import --in {arguments.file}{mapping}{layout} --subject 01 --hand right --task rom"
     then += " --out poses.parquet"

@@ -98,7 +98,7 @@ def new_study(arguments: argparse.Namespace) -> None:
         print(folder / file)
     print("".join(f"note: {note}\n" for note in notes), end="")
     there = shlex.quote(str(folder))
-    print(f"next: {_next(folder, sheet, list(mappings))}, then: cd {there}; shukotsu check; shukotsu run")
+    print(f"next: {_next(folder, sheet, mappings)}, then: cd {there}; shukotsu check; shukotsu run")
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
@@ -123,8 +123,8 @@ def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], di
     return [columns, *([row[name] for name in columns] for row in cells)], drafts.texts, notes
 
 
-def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str]) -> str:
-    """Format what to do with the files, the last of it after `and`."""
+def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Mapping[str, str]) -> str:
+    """Format what to do with the files, the last of it after `and`. mappings : texts by file's name."""
     rows = sheet[1:]
     empty = sum(not all(row[:4]) for row in rows)
     if not rows:
@@ -132,9 +132,9 @@ def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str])
     filled = f", and fill in the {empty} that their names leave open" if empty else ""
     drafted = f"the {count_of(len(rows), 'row')} of {folder / 'recordings.tsv'}, drafted from names"
     what = f"look over {drafted}{filled}"
-    if mappings:
-        verb = "says" if len(mappings) == 1 else "say"
-        what += f"; put the truth where {list_names(mappings)} in {folder} {verb} CHECK"
+    if open_ones := [name for name, text in mappings.items() if "CHECK" in text]:
+        verb = "says" if len(open_ones) == 1 else "say"
+        what += f"; put the truth where {list_names(open_ones)} in {folder} {verb} CHECK"
     return what
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.arrays import Array, Bools
+from shukotsu.hand.known_digits import leading_model
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.recorded_movement import (
     ANGLES,
@@ -29,7 +30,8 @@ from shukotsu.hand.recorded_movement import (
     unsolved_joints,
 )
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
-from shukotsu.movement.events import TimedEvent, cycles_of, events_of, struck_events
+from shukotsu.movement.cycle_curves import averaged_cycles, curve_rows
+from shukotsu.movement.events import Cycle, TimedEvent, cycles_of, events_of, struck_events
 from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, speed
 from shukotsu.movement.strokes import stroke_rows
 from shukotsu.study import subject_stage
@@ -39,7 +41,7 @@ from shukotsu.tables.parts import Part, PartsWriter
 from shukotsu.tables.poses import usable_poses
 
 if TYPE_CHECKING:
-    from shukotsu.tables.rows import FingertipPathsRow, RangesOfMotionRow
+    from shukotsu.tables.rows import CycleCurvesRow, FingertipPathsRow, RangesOfMotionRow
 
 _Ends = tuple[Bools, Bools]
 
@@ -217,14 +219,16 @@ def measure_hand(
     """Write the rows of one hand, of each part those that can be had."""
     by_model = [table for name, table in tables.items() if name != CYCLES]
     events: Mapping[Recording, Sequence[TimedEvent]] = {}
+    cycles: Mapping[Recording, Sequence[Sequence[Cycle]]] = {}
     with subject_stage.recording_failure(arguments, plan.part(hand), tables[CYCLES]):
         events = events_of(plan, hand, next(iter(arguments.events), None), next(iter(arguments.clocks), None))
+        cycles = {recording: cycles_of(plan, recording, named) for recording, named in events.items()}
         rows = [
             recording.key
             | {"event": cycle.event, "cycle": cycle.number, "used": not cycle.refusal}
             | {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s, "message": cycle.refusal}
-            for recording, of_recording in events.items()
-            for of_event in cycles_of(plan, recording, of_recording)
+            for recording, of_recording in cycles.items()
+            for of_event in of_recording
             for cycle in of_event
         ]
         tables[CYCLES].rows(plan.part(hand), rows)
@@ -234,7 +238,8 @@ def measure_hand(
                 table.rows(part, [])
             for recording in plan.posed(hand):
                 if usable_poses([plan.poses(recording)])[0]:  # else the recordings table says why
-                    _measure_recording(plan, part, recording, events.get(recording, ()), tables)
+                    cut = averaged_cycles(cycles.get(recording, ()))
+                    _measure_recording(plan, part, recording, events.get(recording, ()), cut, tables)
 
 
 def _measure_recording(
@@ -242,6 +247,7 @@ def _measure_recording(
     part: Part,
     recording: Recording,
     events: Sequence[TimedEvent],
+    cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
 ) -> None:
     """Write the rows of one recording."""
@@ -255,9 +261,17 @@ def _measure_recording(
         return
     movement = read_movement(reader)
     grid = grid_of(movement.time_s)
-    ranges = [row for series in movement.joints() for row in range_rows(series, grid)]
+    if not reader.is_fitted and part.model != leading_model(plan.models, plan.layouts.values()):
+        cycles = ()  # no page shows their curves
+    ranges: list[RangesOfMotionRow] = []
+    curves: list[CycleCurvesRow] = []
+    for series in movement.joints():
+        ranges += range_rows(series, grid)
+        if grid is not None:
+            curves += curve_rows(series, movement.time_s, cycles, grid)
     ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
     write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
+    write("cycle_curves", curves)
     write("fingertip_paths", path_rows(movement.fingertips, grid, movement.pathless))
     if strokes := struck_events(recording, events, [*reader.layout.digits]):
         write("event_strokes", stroke_rows(movement, strokes))

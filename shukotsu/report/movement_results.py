@@ -1,42 +1,116 @@
-"""Read the study's tables of movement under one model."""
+"""Read the study's tables of movement under one model, curves over cycles, and how groups differ in them."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import groupby
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 
-from shukotsu.report.belief import study_beliefs
-from shukotsu.report.study_results import StudyResults
-from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
+from shukotsu.movement.cycle_curves import MOST_EVENTS, PERCENT
+from shukotsu.movement.study_comparison import (
+    QUANTITIES,
+    WITHIN,
+    RecordingLevels,
+    level_column,
+    mark_suspect,
+    numbers_of,
+    subject_means,
+    why_untested,
+)
+from shukotsu.report.belief import NOT, study_beliefs
+from shukotsu.report.study_results import StudyResults, recording_key, row_key
+from shukotsu.report.table_cells import DASH, DataTable, RowBlock, number, p_text
+from shukotsu.study.study import Recording, Study, factor_levels, not_compared
+from shukotsu.tables.catalogue import (
+    CYCLE_CURVES,
+    MOVEMENT_CYCLES,
+    MOVEMENT_DIFFERENCES,
+    MOVEMENT_RELIABILITY,
+    RANGES_OF_MOTION,
+)
 from shukotsu.tables.typed_table import Table, read_table
+from shukotsu.translation import N_, listed, ngettext, tr, translated, word
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from shukotsu.tables.rows import MovementDifferencesRow
 
 RANGE = "range_deg"
 """The quantity that is drawn; all others stand in tables."""
 OF_ANGLE = ["joint", "angle"]
 SUBJECT = ["subject", "session", "hand"]
+_MOST_REASONS = 3
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An angle over the cycle: mean and standard deviation, deg, and of how many cycles or subjects they are.
+
+    Each (101,), by percent; mean and standard deviation NaN where there is none.
+    """
+
+    mean_deg: npt.NDArray[np.float64]
+    sd_deg: npt.NDArray[np.float64]
+    n: npt.NDArray[np.float64]
+
+
+def recording_curves(
+    results: StudyResults, recording: Recording, model: str
+) -> dict[str, dict[str, dict[str, Curve]]]:
+    """Return a recording's curves over its cycles under a model, by event, joint and angle."""
+    key = recording_key(recording)
+    rows = [row for row in results.hand_rows(CYCLE_CURVES, recording.hand, model) if row_key(row) == key]
+    curves: dict[str, dict[str, dict[str, Curve]]] = {}
+    for (event, joint, angle), group in groupby(rows, itemgetter("event", *OF_ANGLE)):
+        of = list(group)
+        numbers = (np.array([row[name] for row in of], float) for name in ("mean_deg", "sd_deg", "n_cycles"))
+        curves.setdefault(event, {}).setdefault(joint, {})[angle] = Curve(*numbers)
+    return curves
+
+
+def why_no_curves(results: StudyResults, recording: Recording, model: str) -> str:
+    """Return in a sentence why a recording has no curves over cycles under a model."""
+    cycles = results.hand_rows(MOVEMENT_CYCLES, recording.hand)
+    mine = [row for row in cycles if row_key(row) == recording_key(recording)]
+    if not mine:
+        return tr(
+            "No event begins a cycle in this recording, so no angle is averaged over cycles; the study's "
+            "sheet of events says when cycles begin"
+        )
+    if not any(row["used"] for row in mine):
+        texts = [*dict.fromkeys(row["message"] for row in mine)][:_MOST_REASONS]
+        reasons = listed(map(translated, texts))
+        return ngettext(
+            "The one cycle of this recording cannot be used ({reasons}), so no angle is averaged",
+            "None of the {n} cycles of this recording can be used ({reasons}), so no angle is averaged",
+            len(mine),
+            reasons=reasons,
+        )
+    return tr("{model} has no joint angle in the cycles of this recording", model=model)
 
 
 @dataclass(frozen=True)
 class StudyMovement:
     """A study's movement under one model, hands with a suspect finding left out.
 
-    ranges : a row a recording and angle. differences, reliability : of that model. believed : one of BELIEFS
-    by joint. measured : whether any recording has joint angles, counted or not. tasks : in the order in which
-    they are shown, with whether each only calibrates. A frame without rows is that of a table that is empty
-    or not there.
+    ranges : a row a recording and angle. curves : rows of cycle_curves, of flexion in evaluated recordings.
+    differences, reliability : of that model. believed : one of BELIEFS by joint. measured : whether any
+    recording has joint angles, counted or not. tasks : in the order in which they are shown, with whether
+    each only calibrates. A frame without rows is that of a table that is empty or not there.
     """
 
     model: str
     ranges: pd.DataFrame
+    curves: pd.DataFrame
     differences: pd.DataFrame
     reliability: pd.DataFrame
     believed: dict[str, str]
@@ -49,11 +123,39 @@ class StudyMovement:
 
         Nothing is averaged over tasks.
         """
-        means, whose = self.ranges, ["task", *OF_ANGLE, "subject", "hand", "session"]
-        for _ in range(3):
-            means = means.groupby(whose, sort=False)[RANGE].mean().reset_index()
-            whose.pop()
-        return means
+        return _subject_means(self.ranges, ["task", *OF_ANGLE], RANGE)
+
+    def level_curves(self, level_of: Mapping[str, str]) -> dict[tuple[str, str], dict[str, dict[str, Curve]]]:
+        """Return curves over subjects, by task and event, joint and level: of each subject's own mean cycle.
+
+        level_of : by subject; a subject without a level is in none. Of a task's events those that most
+        subjects have.
+        """
+        means = _subject_means(self.curves, ["task", "event", "joint", "percent"], "mean_deg")
+        means = means.assign(level=means["subject"].map(dict(level_of))).dropna(subset=["level", "mean_deg"])
+        curves: dict[tuple[str, str], dict[str, dict[str, Curve]]] = {}
+        for task in self.tasks:
+            of_task = means[means["task"] == task]
+            most = of_task.groupby("event", sort=False)["subject"].nunique()
+            for event in most.sort_values(ascending=False, kind="stable").index[:MOST_EVENTS]:
+                of_joints = curves.setdefault((task, str(event)), {})
+                of_event = of_task[of_task["event"] == event]
+                for (joint, level), rows in of_event.groupby(["joint", "level"], sort=False):
+                    numbers = rows.groupby("percent")["mean_deg"].agg(["mean", "std", "count"])
+                    columns = numbers.reindex(PERCENT).to_numpy(float).T
+                    of_joints.setdefault(str(joint), {})[str(level)] = Curve(
+                        columns[0], columns[1], np.nan_to_num(columns[2])
+                    )
+        return curves
+
+
+def _subject_means(numbers: pd.DataFrame, of: Sequence[str], value: str) -> pd.DataFrame:
+    """Means by subject and the columns `of`: over trials, sessions, then hands."""
+    whose = [*of, "subject", "hand", "session"]
+    for _ in range(3):
+        numbers = numbers.groupby(whose, sort=False)[value].mean().reset_index()
+        whose.pop()
+    return numbers
 
 
 def read_movement(results: StudyResults) -> StudyMovement:
@@ -63,6 +165,7 @@ def read_movement(results: StudyResults) -> StudyMovement:
     """
     model = results.leading
     measured = movement_table(results, RANGES_OF_MOTION, model)
+    curves = movement_table(results, CYCLE_CURVES, model, "flexion")
     roles: dict[str, set[str]] = defaultdict(set)
     for recording in results.shown:
         roles[recording.task].add(recording.role)
@@ -71,11 +174,16 @@ def read_movement(results: StudyResults) -> StudyMovement:
         for task in sorted(roles, key=lambda t: "calibration" not in roles[t])
     }
     suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
-    keys = zip(*(measured[name] for name in SUBJECT), strict=True)
-    ranges = measured[np.array([key not in suspect for key in keys], bool)]
+
+    def counted(rows: pd.DataFrame) -> pd.DataFrame:
+        keys = zip(*(rows[name] for name in SUBJECT), strict=True)
+        return rows[np.array([key not in suspect for key in keys], bool)]
+
+    ranges = counted(measured)
     return StudyMovement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
+        curves=counted(curves[~curves["task"].isin([task for task, only in tasks.items() if only])]),
         differences=movement_table(results, MOVEMENT_DIFFERENCES, model),
         reliability=movement_table(results, MOVEMENT_RELIABILITY, model),
         measured=bool(measured[RANGE].notna().any()),
@@ -84,11 +192,167 @@ def read_movement(results: StudyResults) -> StudyMovement:
     )
 
 
-def movement_table(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
-    """The table's rows of a model; none where the study has no such table."""
+def movement_table(results: StudyResults, table: Table, model: str, angle: str = "") -> pd.DataFrame:
+    """The table's rows of a model, and an angle; none where the study has no such table."""
     names = [column.name for column in table.columns]
     path = results.paths.study_table(table.name)
     if not path.is_file():
         return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
-    frame = read_table(path, table, names).replace_schema_metadata().to_pandas()
-    return frame[frame["model"] == model].reset_index(drop=True)
+    rows = read_table(path, table, names).replace_schema_metadata()
+    for column, value in (("model", model), ("angle", angle)):
+        rows = rows.filter(pc.equal(rows.column(column), value)) if value else rows
+    return rows.to_pandas()
+
+
+MOST_SHOWN, MOST_DRAWN = 8, 4
+"""Numbers of a factor that are in its table, and in its figure, beside those that the study file names."""
+_LABELS = {
+    "range_deg": N_("Range of motion"),
+    "full_range_deg": N_("Full range"),
+    "median_deg": N_("Posture, median"),
+    "speed_median_deg_s": N_("Speed, median"),
+    "speed_p95_deg_s": N_("Speed, 95 %"),
+    "path_length_mm": N_("Path length"),
+    "speed_median_mm_s": N_("Speed, median"),
+    "speed_p95_mm_s": N_("Speed, 95 %"),
+}
+_QUANTITIES = {quantity.name: quantity for quantity in QUANTITIES}
+
+
+@dataclass(frozen=True)
+class DrawnDifference:
+    """A number at two levels or more, by level and then subject. paired : whether subjects have them all."""
+
+    title: str
+    axis: str
+    levels: dict[str, dict[str, float]]
+    paired: bool
+
+
+@dataclass(frozen=True)
+class ComparedFactor:
+    """A factor: its levels in words, why nothing is compared (or empty), the table, and what is drawn."""
+
+    name: str
+    levels: str
+    reason: str
+    table: DataTable | None
+    drawn: tuple[DrawnDifference, ...]
+
+
+def compared_factors(results: StudyResults, study: Study, movement: StudyMovement) -> list[ComparedFactor]:
+    """Return what is shown of every factor of the study file, in its order."""
+    if not study.factors:
+        return []
+    problems = pd.DataFrame(results.problems, columns=["subject", "session", "hand", "severity"])
+    everything = mark_suspect(factor_levels(study), study.factors, problems)
+    reasons, asked = not_compared(study), study.config["compare"]
+    factors = []
+    for factor in study.factors:
+        of_level = everything.rows.groupby(level_column(factor), sort=False)["subject"].nunique()
+        levels = [
+            f"{word(str(level)) or DASH} ({ngettext('{n} subject', '{n} subjects', n)})"
+            for level, n in of_level.items()
+        ]
+        rows = _chosen(movement, factor, asked)
+        reason = reasons.get(factor, "")
+        if not rows and not reason:
+            reason = tr("no hand and task has numbers at two of its levels, so nothing is compared")
+        known = [row for row in rows if row["difference"] is not None][: MOST_DRAWN + len(asked)]
+        drawn = tuple(_drawn(results, everything, movement.model, row) for row in known)
+        table = _table(factor, rows, asked) if rows else None
+        factors.append(ComparedFactor(factor, listed(levels), reason, table, drawn))
+    return factors
+
+
+def subject_groups(study: Study) -> dict[str, str]:
+    """Return each subject's level of the study's first factor between subjects; of all '' without one."""
+    rows, skipped = factor_levels(study), not_compared(study)
+    for factor in study.factors:
+        levels = [*dict.fromkeys((row["subject"], row[factor]) for row in rows if row[factor])]
+        if factor not in skipped and len(levels) == len(dict(levels)):
+            return dict(levels)
+    return dict.fromkeys(study.subjects, "")
+
+
+def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[Any]:
+    """Return rows of movement_differences: those that the study file names, then those that differ most."""
+    rows = movement.differences[movement.differences["factor"] == factor]
+    named = (rows["quantity"] + " " + rows["of"]).isin(asked).to_numpy(bool)
+    doubted = {joint for joint, shown in movement.believed.items() if shown == NOT}
+    sure = np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)
+    others = rows[~named & sure & rows["difference"].notna().to_numpy()]
+    size = others["effect_size"].abs().fillna(0.0)
+    most = others.assign(size=-size).sort_values(["p", "size"], kind="stable", na_position="last")
+    chosen = pd.concat([rows[named], most.head(MOST_SHOWN).drop(columns="size")])
+    return [
+        {str(name): None if value != value else value for name, value in row.items()}
+        for row in chosen.to_dict("records")
+    ]
+
+
+def _title(row: Mapping[str, Any]) -> str:
+    """Write what a row compares, in words: the quantity and whose it is."""
+    of = ", ".join(word(part) for part in str(row["of"]).split(" "))
+    return f"{_axis(row)}, {of}"
+
+
+def _axis(row: Mapping[str, Any]) -> str:
+    return f"{tr(_LABELS[row['quantity']])} [{_QUANTITIES[row['quantity']].unit}]"
+
+
+def _table(factor: str, rows: Sequence[MovementDifferencesRow], asked: Sequence[str]) -> DataTable:
+    """Tabulate the rows, a block for every two levels."""
+    blocks = []
+    for pair in dict.fromkeys((row["level"], row["other_level"]) for row in rows):
+        of_level = tr("n, mean ± SD")
+        names = [f"{word(level)}: {of_level}" for level in pair]
+        header = (tr("Number"), tr("Hand"), tr("Task"), *names, tr("Difference"), tr("95 % interval"))
+        cells = [_cells(row) for row in rows if (row["level"], row["other_level"]) == pair]
+        blocks.append(RowBlock((*header, tr("p, corrected")), tuple(cells)))
+    there = {f"{row['quantity']} {row['of']}" for row in rows}
+    absent = [name for name in asked if name not in there]
+    notes = [tr("Not measured: {names}.", names=", ".join(absent))] if absent else []
+    caption = tr(
+        "{factor}: numbers that the study file names, then at most {n} that differ most; means over subjects "
+        "(movement_differences.parquet).",
+        factor=factor,
+        n=MOST_SHOWN,
+    )
+    return DataTable(caption, tuple(blocks), tuple(notes), frozenset({0, 1, 2, 7}), "movement_differences")
+
+
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    def of_level(prefix: str, n: int) -> str:
+        sd = row[f"{prefix}sd"]
+        spread = f" ± {number(sd, 1)}" if sd is not None else ""
+        return f"{n}, {number(row[f'{prefix}mean'], 1)}{spread}" if n else DASH
+
+    interval = DASH if row["low"] is None else f"{number(row['low'], 1)} – {number(row['high'], 1)}"
+    p = row["p_holm"]
+    why = why_untested(row["design"], row["n"], row["n_other"]) if p is None else p_text(p)
+    levels = of_level("", row["n"]), of_level("other_", row["n_other"])
+    where = word(row["hand"]), row["task"]
+    return (_title(row), *where, *levels, number(row["difference"], 1), interval, why)
+
+
+def _drawn(
+    results: StudyResults, everything: RecordingLevels, model: str, row: MovementDifferencesRow
+) -> DrawnDifference:
+    """Return every subject's number at the row's two levels: those that its means are of."""
+    quantity, factor = _QUANTITIES[row["quantity"]], row["factor"]
+    numbers = numbers_of(quantity, movement_table(results, quantity.table, model), everything.counted)
+    means = subject_means(numbers[numbers["of"] == row["of"]], factor, ["hand", "task"])
+    wide = means.unstack("level").reset_index()
+    for place in ("hand", "task"):
+        wide = wide[(wide[place] == row[place]) | (place == factor)]
+    by_subject = wide.groupby("subject", sort=False)[[row["level"], row["other_level"]]].mean()
+    paired = row["design"] == WITHIN
+    both = by_subject.notna().all(axis=1)
+    by_subject = by_subject[both if paired else ~both]
+    levels = {
+        str(level): {str(subject): float(value) for subject, value in by_subject[level].dropna().items()}
+        for level in by_subject
+    }
+    where = ", ".join(filter(None, (word(row["hand"]), row["task"])))
+    return DrawnDifference(f"{_title(row)}; {where}", _axis(row), levels, paired)

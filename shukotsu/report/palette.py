@@ -9,7 +9,7 @@ becomes the CSS custom property of its hue, so a picture follows the theme.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 HUES: dict[str, tuple[str, str]] = {
@@ -112,6 +112,11 @@ def model_looks(names: Sequence[str]) -> dict[str, Look]:
 def digit_looks(names: Sequence[str]) -> dict[str, Look]:
     """Every digit's look by its place in the layout."""
     return _looks(names, DIGITS)
+
+
+def level_looks(levels: Iterable[str]) -> dict[str, Look]:
+    """Every level's look by its place among a factor's."""
+    return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
 
 
 def css() -> str:

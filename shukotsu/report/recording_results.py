@@ -41,11 +41,15 @@ ANGLES = ("flexion", "abduction", "rotation")
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Angles under one model at the T frames that are shown: (T, J, 3) as ANGLES, of joints (J,)."""
+    """Angles under one model at the T frames that are shown: (T, J, 3) as ANGLES, of joints (J,).
+
+    sd_deg : their stated 1-sigma errors, (T, J, 3), NaN where none is stated.
+    """
 
     model: str
     joints: tuple[str, ...]
     angle_deg: Array
+    sd_deg: Array
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,7 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
 
 
 def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
-    """Return readers of the angles (T, 3) of each joint, as ANGLES, under a model that fits the whole hand.
+    """Return readers of the angles of each joint and their errors, (T, 6), under a model that fits the hand.
 
     Raises InputError where the recording has none.
     """
@@ -194,7 +198,8 @@ def _reader(results: StudyResults, recording: Recording, model: str) -> Recordin
 
 
 def _angles(reader: RecordingReader) -> dict[str, Callable[[], Array]]:
-    return reader.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
+    columns = [f"{angle}_{what}" for what in ("deg", "sd_deg") for angle in ANGLES]
+    return reader.series(JOINT_ANGLES, columns)
 
 
 def _model_results(results: StudyResults, reader: RecordingReader, every: int) -> ModelResults:
@@ -212,7 +217,7 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
     angles = None
     if reader.is_fitted:
         shown = {joint: read()[::every].copy() for joint, read in _angles(reader).items()}
-        angles = JointAngles(name, tuple(shown), np.stack(list(shown.values()), 1))
+        angles = JointAngles(name, tuple(shown), *np.split(np.stack(list(shown.values()), 1), 2, axis=2))
     return ModelResults(name, joints, solutions, errors, angles)
 
 

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from shukotsu.errors import InputError
 from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import (
@@ -27,10 +26,7 @@ from shukotsu.report.table_cells import (
     with_error,
 )
 from shukotsu.scores.agreement import times_expected
-from shukotsu.tables.catalogue import RANGES_OF_MOTION
-from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.subjects import Hand, path_token
-from shukotsu.tables.typed_table import rows_of
 from shukotsu.translation import N_, ngettext, tr, translated, word
 
 if TYPE_CHECKING:
@@ -189,19 +185,6 @@ def _loose(row: ReceiversRow) -> str:
         mm=number(row["loose_shift_mm"], 1),
         deg=number(row["loose_turn_deg"], 1),
     ).replace("◆  ", "◆ ")
-
-
-def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[RangesOfMotionRow]:
-    """Return rows of ranges_of_motion of a hand under a model; none where movement was not measured."""
-    path = results.subject_table(hand, RANGES_OF_MOTION.name)
-    if not path.is_file():
-        return []
-    part = Part(hand.hand, model, "", hand.subject, hand.session)
-    columns = [column.name for column in RANGES_OF_MOTION.columns]
-    try:
-        return list(rows_of(read_part(path, RANGES_OF_MOTION, part, columns)))
-    except InputError:
-        return []
 
 
 def measured_table(caption: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:

@@ -17,8 +17,15 @@ from markupsafe import Markup
 from shukotsu.errors import InputError
 from shukotsu.report.belief import joint_anchor, reasons_of
 from shukotsu.report.figures.panels import page_picture, taken_failures
-from shukotsu.report.figures.study_figures import group_panels, joints_in_order, model_panels, range_panels
-from shukotsu.report.group_results import compared_factors
+from shukotsu.report.figures.study_figures import (
+    NO_CYCLES,
+    group_looks,
+    group_panels,
+    joints_in_order,
+    model_panels,
+    range_panels,
+    study_panels,
+)
 from shukotsu.report.judged_models import (
     REPLAY,
     big_numbers,
@@ -26,7 +33,7 @@ from shukotsu.report.judged_models import (
     used_text,
 )
 from shukotsu.report.methods_text import REFERENCES, methods_text
-from shukotsu.report.movement_results import StudyMovement
+from shukotsu.report.movement_results import StudyMovement, compared_factors, subject_groups
 from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
@@ -74,6 +81,7 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
     """Return the study's page; the same results give the same text."""
     panels = model_panels(results)
     factors = compared_factors(results, study, movement) if movement else []
+    levels = subject_groups(study)
     replay = panels.pop(REPLAY, None)
     with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
@@ -90,6 +98,12 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
             words: [page_picture(panel) for panel in of_task]
             for words, of_task in (range_panels(movement) if movement else {}).items()
         },
+        "curves": {
+            words: [(panel.heading, page_picture(panel)) for panel in of_task]
+            for words, of_task in (study_panels(movement, levels) if movement else {}).items()
+        },
+        "curve_looks": [*group_looks(dict.fromkeys(levels.values())).values()],
+        "no_curves": tr(NO_CYCLES),
     }
     for message in taken_failures():  # after every picture, before the list of problems
         results.add_problem("report", message)

@@ -21,6 +21,7 @@ from shukotsu.study.recording_summary import subject_tables
 from shukotsu.study.results import FAILED_PAGES, Results
 from shukotsu.study.study import Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
+from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.subjects import Hand, SubjectSession, path_token
 from shukotsu.tables.typed_table import Table, key_of, read_metadata, read_table, rows_of
 from shukotsu.translation import tr
@@ -186,6 +187,14 @@ class StudyResults:
     def accepted(self) -> list[ProblemsRow]:
         """Findings that the recordings sheet gives a reason for."""
         return [row for row in self.problems if row["accepted"]]
+
+    def hand_rows(self, table: Table, hand: Hand, model: str = "") -> list[Any]:
+        """Rows of a hand, under a model, of a subject's short table; none where there are none to read."""
+        path = self.subject_table(hand, table.name)
+        try:
+            return list(rows_of(read_part(path, table, Part(hand.hand, model, "", *hand.who))))
+        except InputError:
+            return []
 
     def add_problem(self, stage: str, message: str, task: str = "") -> None:
         """Add what went wrong while the page is made, before its problems are asked for."""

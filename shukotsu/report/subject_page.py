@@ -34,7 +34,6 @@ from shukotsu.report.skeleton_tables import (
     SHARED,
     bone_table,
     lengths_are_shared,
-    measured_ranges,
     measured_table,
     receiver_tables,
 )
@@ -45,6 +44,7 @@ from shukotsu.report.templates import check_language, languages, render, speakin
 from shukotsu.study.plan import plan_of_results
 from shukotsu.study.results import FAILED_PAGES
 from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import write_text
 from shukotsu.translation import tr, translated
@@ -145,7 +145,7 @@ def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list
     names = {hand: tr("{hand} hand", hand=hand.hand.capitalize()) for hand in hands}
     ranges = []
     for hand in hands:
-        if rows := measured_ranges(results, hand, results.leading):
+        if rows := results.hand_rows(RANGES_OF_MOTION, hand, results.leading):
             caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=hand)
             ranges.append(Folded(names[hand], measured_table(caption, rows, with_recording=True)))
     return {

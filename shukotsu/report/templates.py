@@ -19,10 +19,10 @@ import jinja2
 from markupsafe import Markup, escape
 
 from shukotsu.errors import InputError
-from shukotsu.report.palette import css
-from shukotsu.report.table_cells import meaning
+from shukotsu.report.palette import as_custom_property, css
+from shukotsu.report.table_cells import capital, meaning
 from shukotsu.resources import VERSION
-from shukotsu.translation import END, ENGLISH, FOREIGN, N_, language, ngettext, tr, translating
+from shukotsu.translation import END, ENGLISH, FOREIGN, N_, language, ngettext, punctuated, tr, translating
 
 FOLDER = Path(__file__).parent
 
@@ -66,8 +66,9 @@ def _environment() -> jinja2.Environment:
     environment.policies["ext.i18n.trimmed"] = True
     environment.install_gettext_callables(tr, ngettext, newstyle=True)  # type: ignore[attr-defined]
     environment.globals |= {"language": language, "tr": tr, "meaning": meaning}
+    environment.globals["as_custom_property"] = as_custom_property
     environment.globals["script_texts"] = lambda: {name: tr(text) for name, text in SCRIPT_TEXTS.items()}
-    environment.filters["coded"] = coded
+    environment.filters |= {"coded": coded, "capital": capital}
     for name in environment.list_templates(extensions=("j2", "css", "js")):
         environment.get_template(name)
     return environment
@@ -84,6 +85,9 @@ def render(template: str | jinja2.Template, **content: Any) -> str:
 
 CATALOGUES = Path(__file__).parent / "languages"
 _TEXT = re.compile(r"(<(script|style)\b.*?</\2>|<title>.*?</title>|<[^>]*>)", re.DOTALL)
+
+_HEARD = re.compile(r'(?<= title=")[^"]*|(?<= aria-label=")[^"]*|(?<=<title>)[^<]*')
+"""What a reader of the screen says, or a pointer shows."""
 
 
 def languages() -> list[str]:
@@ -123,8 +127,10 @@ def typeset(page: str) -> str:
     if language() == ENGLISH:
         return page
     parts = _TEXT.split(page)  # text, element, its name, text, ...
-    texts = [part.replace(FOREIGN, '<span lang="en">').replace(END, "</span>") for part in parts[::3]]
-    elements = [plain(part) for part in parts[1::3]]
+    texts = [
+        punctuated(part).replace(FOREIGN, '<span lang="en">').replace(END, "</span>") for part in parts[::3]
+    ]
+    elements = [_HEARD.sub(lambda found: punctuated(found[0]), plain(part)) for part in parts[1::3]]
     return "".join(a + b for a, b in zip(texts, [*elements, ""], strict=True))
 
 

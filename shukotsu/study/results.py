@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from shukotsu.study.study import Recording
 
-MEASURED_TABLES = ("ranges_of_motion", "fingertip_paths", "movement_cycles", "event_strokes")
+MEASURED_TABLES = ("ranges_of_motion", "fingertip_paths", "movement_cycles", "cycle_curves", "event_strokes")
 """Tables of a subject's movement."""
 
 SUBJECT_TABLES = {
@@ -69,7 +69,7 @@ MOVEMENT_COMPARISONS = ("movement_differences", "movement_reliability")
 """Comparisons of the subjects' movement, made from the study's tables."""
 
 
-STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion", "groups")
+STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion", "cycle-curves", "groups")
 """Figures of a study for print; one without data consists of a sentence that says so."""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")

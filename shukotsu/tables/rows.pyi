@@ -61,6 +61,21 @@ class ClocksRow(TypedDict, total=False):
     status: str
     message: str
 
+class CycleCurvesRow(TypedDict, total=False):
+    subject: str
+    session: str
+    hand: str
+    task: str
+    trial: str
+    model: str
+    event: str
+    joint: str
+    angle: str
+    percent: int
+    mean_deg: float | MaybeNone
+    sd_deg: float | MaybeNone
+    n_cycles: int
+
 class EventStrokesRow(TypedDict, total=False):
     subject: str
     session: str

@@ -253,10 +253,11 @@ def test_joints_that_move_in_turn_make_no_cluster(run: Run, spoilt: str, named: 
         for n in range(4)
     ]
     path = write_c3d(run.folder / "rom.c3d", points, labels)
-    run.drafted(path)
+    said = run.drafted(path)
     drafted = yaml.safe_load(run.mapping.read_text("utf-8"))["receivers"]
     assert [part["markers"] for part in drafted.values()] == [labels[4 * i : 4 * i + 4] for i in range(4)]
     assert [*drafted] == [*SEGMENTS] if named else all(key.startswith("CHECK") for key in drafted)
+    assert ("CHECK" in run.mapping.read_text("utf-8")) == ("put the truth where" in said) == (not named)
 
 
 def test_a_cluster_on_two_bones_is_found_and_its_cure_leaves_no_finding(

@@ -27,7 +27,7 @@ LEFT = [("left", "rom", "calibration"), ("left", "opposition", "evaluation")]
 MODELS = ("paper-fig4", "quick")
 WRITTEN = [name for name in SUBJECT_TABLES if name not in ("findings", "events", "clocks")]
 FORMS = {**TABLES, **FIT, "projected_joints": TABLES["joint_centres"]}
-MAY_BE_EMPTY = ("movement_cycles", "moved_receivers", "event_strokes")
+MAY_BE_EMPTY = ("movement_cycles", "cycle_curves", "moved_receivers", "event_strokes")
 ALONE = "fitted without the left hand's bone lengths: "
 
 

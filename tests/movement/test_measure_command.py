@@ -238,6 +238,32 @@ def test_cycles_are_cut_and_refused(measured: Measured) -> None:
     assert [row["duration_s"] for row in cycles if row["event"] == "hold"] == [0.8, 0.8]
 
 
+def test_curves_are_the_angles_over_the_cycles_that_are_used(measured: Measured) -> None:
+    """Of models that fit the hand, and the leading one; by NumPy from the tables of angles and cycles."""
+    rows = pd.DataFrame(measured.rows("cycle_curves", task=TASK))
+    assert set(zip(rows["hand"], rows["model"], strict=True)) == {("right", "quick")}, "left: a weak clock"
+    assert set(rows["event"]) == {"tap", "hold", "lamp"}
+    assert rows.groupby("joint").size().eq(3 * 3 * 101).all()
+    assert rows["joint"].nunique() == 17
+    angles = pd.DataFrame(
+        read_table(measured.subject.fit_folder() / "joint_angles.parquet", TABLES["joint_angles"]).to_pandas()
+    )
+    angles = angles[(angles["joint"] == "ring_pip") & (angles["task"] == TASK)].sort_values("frame")
+    courses = [
+        np.interp(
+            np.linspace(row["onset_s"], row["onset_s"] + row["duration_s"], 101),
+            angles["time_s"],
+            angles["flexion_deg"],
+        )
+        for row in measured.rows("movement_cycles", hand="right", task=TASK, event="tap", used=True)
+    ]
+    curve = rows[(rows["joint"] == "ring_pip") & (rows["angle"] == "flexion") & (rows["event"] == "tap")]
+    assert curve["percent"].tolist() == list(range(101))
+    assert set(curve["n_cycles"]) == {len(courses)} == {4}
+    np.testing.assert_allclose(curve["mean_deg"], np.mean(courses, axis=0), atol=1e-6)
+    np.testing.assert_allclose(curve["sd_deg"], np.std(courses, axis=0, ddof=1), atol=1e-6)
+
+
 def test_events_on_a_weak_clock_cut_nothing_and_are_no_strokes(measured: Measured) -> None:
     cycles = measured.rows("movement_cycles", hand="left")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}

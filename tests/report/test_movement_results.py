@@ -6,15 +6,22 @@ from dataclasses import replace
 
 import drawn_movement as drawn
 import numpy as np
+import pandas as pd
 import pytest
 from report_samples.made_study import FITTED_MODELS, write
 
 from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
-from shukotsu.report.figures.study_figures import NoDataError, groups, ranges_of_motion
-from shukotsu.report.group_results import compared_factors
+from shukotsu.report.figures.panels import NoDataError
+from shukotsu.report.figures.study_figures import groups, ranges_of_motion, study_cycles
 from shukotsu.report.methods_text import methods_text
-from shukotsu.report.movement_results import RANGE, StudyMovement, read_movement
+from shukotsu.report.movement_results import (
+    RANGE,
+    StudyMovement,
+    compared_factors,
+    read_movement,
+    subject_groups,
+)
 from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study, read_study
@@ -32,6 +39,7 @@ def results(fitted: StudyResults, tmp_path_factory: pytest.TempPathFactory) -> S
     drawn.write_movement(
         paths,
         [*drawn.ranges(RECORDINGS, models=FITTED_MODELS), *drawn.ranges(CALIBRATIONS, 2, FITTED_MODELS)],
+        drawn.curves([*RECORDINGS, *CALIBRATIONS], FITTED_MODELS),
     )
     compare_study(RECORDINGS, ["group"], paths)
     return replace(fitted, paths=paths)
@@ -111,6 +119,40 @@ def test_groups_stand_side_by_side(
     figure, _ = groups(results, groups_study, movement)
     dots = [line.get_xdata() for line in figure.axes[1].lines if str(line.get_gid()).startswith("dots")]
     assert [sorted(each) for each in dots] == [pytest.approx(sorted(of.tolist())) for of in (of_a, of_b)]
+
+
+def test_groups_move_over_the_cycle_in_two_colours(
+    results: StudyResults, movement: StudyMovement, groups_study: Study
+) -> None:
+    """Each subject's own mean cycle first, over sessions; a subject counts where it is measured."""
+    rows = pd.DataFrame(drawn.curves(RECORDINGS, FITTED_MODELS))
+    rows = rows[(rows["model"] == "whole-hand") & (rows["joint"] == "index_pip")]
+    own = rows.astype({"mean_deg": float}).pivot_table("mean_deg", "subject", "percent", dropna=False)
+    figure, caption = study_cycles(results, movement, subject_groups(groups_study))
+    assert [axes.get_title("right") for axes in figure.axes] == [
+        "index_mcp, n = 5–6, 6", "index_pip, n = 5–6, 6"
+    ], "of the task alone: what calibrates is in no group's curve"  # fmt: skip
+    _, pip = figure.axes
+    for line, band, n in zip(pip.lines[1:], pip.collections, (0, 1), strict=True):
+        of_group = own[own.index.str[1:].astype(int) % 2 == n]
+        np.testing.assert_allclose(np.asarray(line.get_ydata(), float), of_group.mean())
+        outline = band.get_paths()[0].vertices
+        ends = [outline[outline[:, 0] == 50, 1].min(), outline[outline[:, 0] == 50, 1].max()]
+        middle, sd = of_group[50].mean(), of_group[50].std()
+        np.testing.assert_allclose(ends, [middle - sd, middle + sd])
+    assert len({line.get_color() for line in pip.lines[1:]}) == 2
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["A", "B"]
+    assert "own mean cycle" in caption
+
+
+def test_without_groups_a_curve_is_of_all_subjects(results: StudyResults, movement: StudyMovement) -> None:
+    everybody = dict.fromkeys(movement.ranges["subject"], "")
+    figure, _ = study_cycles(results, movement, everybody)
+    assert [len(axes.lines) for axes in figure.axes] == [2, 2], "zero, and one mean"
+    assert figure.axes[0].get_title("right") == "index_mcp, n = 11–12"
+    with pytest.raises(NoDataError, match="events, which the study’s sheet of events lists"):
+        study_cycles(results, replace(movement, curves=movement.curves.iloc[:0]), everybody)
 
 
 def test_what_is_not_tested_says_why(

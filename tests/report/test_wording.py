@@ -14,12 +14,13 @@ from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
 from babel.messages.frontend import parse_mapping_cfg
 from babel.messages.pofile import read_po
 from report_samples.made_study import MadeStudy
+from report_samples.pages import read_page
 
 from shukotsu.report import templates
 from shukotsu.report.figures import style
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.templates import languages, speaking
-from shukotsu.translation import END, FOREIGN, translated, word
+from shukotsu.translation import END, FOREIGN, punctuated, translated, word
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 REPORT = REPOSITORY / "shukotsu" / "report"
@@ -160,3 +161,17 @@ def test_where_no_font_writes_the_language_only_figures_for_print_are_english(
     assert "fonts-ipaexfont-gothic" in note
     with speaking("ja"):
         assert style.label("関節\0") == "関節\\x00"
+
+
+def test_marks_beside_japanese_letters_are_full_width(fitted_study: MadeStudy) -> None:
+    """On pages and in captions; entities of HTML, and what is between Latin letters, stay as they are."""
+    with speaking("ja"):
+        assert punctuated("右手, A: 4.9 mm (被験者 2 名). 骨; A &amp; 骨, B, C") == (
+            "右手、A: 4.9 mm（被験者 2 名）. 骨；A &amp; 骨、B, C"
+        )
+        assert punctuated("手 (1/3).") == "手（1/3）。"
+        pages = [*MadeStudy(fitted_study.file, fitted_study.folder).pages.values()]
+        pages.append(recording_page(fitted_study.recording_results()))
+    texts = [text for page in pages for text in read_page(page).text]
+    assert [text for text in texts if re.search("[ぁ-んァ-ヶ一-龥][,;:.](?: |$)", text)] == []
+    assert punctuated("right, left (both).") == "right, left (both)."

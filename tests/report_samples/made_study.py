@@ -1,7 +1,8 @@
 """A made-up study with its results: every subject's tables as the stages write them, then gathered.
 
 Hands are the simulator's, seen through receivers that never slip: joints, bones and tips of every model are
-the true ones. On the spoiled hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed and
+the true ones. Right hands have three cycles of the event "tap", in the middle of one of which nothing was
+measured. On the spoiled hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed and
 one receiver came loose. Of several subjects the last one's left recording failed. A simulated study has a
 second task, rom, that calibrates only, and a truth.
 """
@@ -206,6 +207,10 @@ def _write_subject(
             bad = (plan.subject, hand) == spoiled
             scores = score_rows(key, [*plan.models.values()], simulated=simulated, spoiled=bad)
             rows["skeleton_scores"][plan.part(hand)] = scores
+            rows["movement_cycles"][plan.part(hand)] = [
+                key | {"event": "tap", "cycle": n, "onset_s": 0.3 * n, "duration_s": 0.3, "used": True}
+                for n in range(3 if hand == "right" else 0)
+            ]
             errors = joint_error_rows([*plan.models], spoiled=bad) if simulated else []
             rows["joint_errors"][plan.part(hand)] = errors
             for part in (part for part in plan.whole_parts if part.hand == hand):
@@ -225,6 +230,7 @@ def _write_subject(
                     rows["receivers"][part] = receiver_rows(spoiled=bad)
                     rows["gains"][part] = gain_rows()
                     rows["length_pulls"][part] = pull_rows(part.hand)
+                    rows["cycle_curves"][part] = cycle_rows(key, part)
                     _write_fit(plan, part, key, n_frames, error_mm)
     columns = columns_from_rows(FINDINGS, [])
     write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}}))
@@ -236,6 +242,20 @@ def _write_subject(
                     if name not in FIT_TABLES or path == plan.table(name, part.hand, part.model):
                         texts = {k: v for k, v in lacking_text(table).items() if k not in vars(part)}
                         writer.rows(part, [texts | row for row in part_rows])
+
+
+def cycle_rows(key: dict[str, str], part: Part) -> list[Row]:
+    """Return rows of cycle_curves of a right hand's fingers: of three cycles, of two in the middle."""
+    joints = [name for name in LAYOUT.joints if name.endswith(("_mcp", "_pip")) and part.hand == "right"]
+    return [
+        key
+        | {"event": "tap", "joint": joint, "angle": angle.removesuffix("_deg"), "percent": percent}
+        | {"mean_deg": 10.0 * n + 20 * np.sin(percent / 16 + level), "sd_deg": 2.0 + n}
+        | {"n_cycles": 2 if 40 <= percent < 50 else 3}
+        for level, joint in enumerate(joints)
+        for n, angle in enumerate(ANGLES)
+        for percent in range(101)
+    ]
 
 
 def _skeleton_rows(
@@ -322,10 +342,11 @@ def _write_fit(
     turns = (20 + joint + 30 * np.sin(frame / 25 + joint), shift_deg - 3 + joint / 7 * np.cos(frame / 9))
     angle_deg = np.stack(np.broadcast_arrays(*turns, -frame / 31), -1)
     angle_deg[UNSEEN, [name.startswith("index") for name in joints]] = np.nan
+    sds = {f"{name[:-4]}_sd_deg": 2.0 + n + 0.0 * angle_deg[..., n] for n, name in enumerate(ANGLES)}
     for name, of, numbers in (
         ("bone_poses", BONES, _by_axis("{}_mm", bone_mm)),
         ("posed_tips", DIGITS, _by_axis("tip_{}_mm", truth.tip_mm) | {"error_mm": error_mm - 0.25}),
-        ("joint_angles", joints, dict(zip(ANGLES, np.moveaxis(angle_deg, -1, 0), strict=True))),
+        ("joint_angles", joints, dict(zip(ANGLES, np.moveaxis(angle_deg, -1, 0), strict=True)) | sds),
     ):
         with parts_writer(plan.table(name, part.hand, part.model), TABLES[name], NO_SOURCE) as writer:
             elsewhere = {column: values + 1000.0 for column, values in numbers.items()}

@@ -27,6 +27,7 @@ SCREENSHOTS = {
     "study": (RESULTS.report, "", 760, DRAWN),
     "subject": (RESULTS.subject_page("01"), "", 1000, "true"),
     "recording": (RECORDING, "#time", 720, DRAWN),
+    "curves": (RECORDING, "#cycles", 600, "true"),
     "viewer": (RECORDING, ".viewer", 590, DRAWN),
 }
 """By file: the page, a selector of where it begins, its height in CSS pixels and what to wait for."""

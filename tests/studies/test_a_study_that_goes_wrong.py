@@ -151,7 +151,7 @@ def empty_receiver(sound: Path, dead: Path) -> None:
 def test_every_table_is_there_and_as_the_contract_says(study: StudyRun, table: str) -> None:
     """No model of it fits the whole hand, no truth is known of these recordings, and it has no events."""
     without_fit = {"receivers", "moved_receivers", "gains", "joint_errors", "agreement"}
-    without_events = {"events", "clocks", "movement_cycles", "event_strokes"}
+    without_events = {"events", "clocks", "movement_cycles", "cycle_curves", "event_strokes"}
     assert bool(study.rows(table)) == (table not in without_fit | without_events)
 
 

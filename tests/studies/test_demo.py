@@ -113,7 +113,7 @@ def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
     for path in demo.results.folder.rglob("*.parquet"):
         files.setdefault(path.stem, []).append(path)
     without_rows = {name for name in set(files) & set(TABLES) if not any(map(n_rows, files[name]))}
-    of_events = {"events", "clocks", "movement_cycles", "event_strokes"}
+    of_events = {"clocks", "event_strokes"}
     of_factors = {"movement_differences", "movement_reliability"}
     assert without_rows == {"problems", "findings", "moved_receivers"} | of_events | of_factors
     empty = {

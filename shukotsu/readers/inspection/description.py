@@ -86,8 +86,9 @@ def draft(path: Path, config: Mapping[str, Any], more: Iterable[str] = ()) -> st
 
     more : lines at the end.
     """
-    head = f"# Drafted from {path.name}. {CHECK} is what the file cannot say: import refuses it until edited."
-    return "\n".join([head, *_block(config), *more]) + "\n"
+    body = "\n".join([*_block(config), *more])
+    unsaid = f" {CHECK} is what the file cannot say: import refuses it until edited." if CHECK in body else ""
+    return f"# Drafted from {path.name}.{unsaid}\n{body}\n"
 
 
 def _block(group: Mapping[str, Any], indent: str = "") -> Iterator[str]:

@@ -1,7 +1,8 @@
 """Panels, each a function that draws into axes: alone as SVG in a page, or in a grid for print.
 
 Most are named rows of dots over one horizontal scale; one is a hand in one frame, from its back and from its
-thumb's side, as the tables have it.
+thumb's side, as the tables have it. Then figures with their captions, and how they become files: the same
+figure, the same bytes.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import io
 import re
 import traceback
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from string import ascii_lowercase
 
+import matplotlib
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup, escape
@@ -29,9 +32,11 @@ from shukotsu.arrays import Array
 from shukotsu.errors import INTERNAL, on_one_line
 from shukotsu.report.belief import BELIEF_MARKS, BELIEVED
 from shukotsu.report.figures.style import (
+    ONE_COLUMN_MM,
     SMALL_PT,
     TWO_COLUMNS_MM,
     apply_style,
+    label,
     rewrite,
     width_mm,
     without_controls,
@@ -39,8 +44,12 @@ from shukotsu.report.figures.style import (
 )
 from shukotsu.report.hand_motion import HandMotion, ShownSkeleton, view_points
 from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property, digit_looks
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import number
-from shukotsu.translation import ENGLISH, language, listed, tr, translated, word
+from shukotsu.report.templates import plain
+from shukotsu.resources import PROGRAM, VERSION
+from shukotsu.tables.whole_files import replacing, write_text
+from shukotsu.translation import ENGLISH, language, listed, ngettext, punctuated, tr, translated, word
 
 PAGE_MM = 84.0
 """How wide a page's picture is before the page gives it its width."""
@@ -99,6 +108,7 @@ def print_figure(
         lines = [[label.get_text() for label in axes.get_yticklabels()] for axes in drawn]
         for (before, after), axes in zip(pairwise(lines), drawn[1:], strict=True):
             axes.tick_params(labelleft=before != after)
+            axes.set_ylabel(axes.get_ylabel() if before != after else "")
     if handles:
         figure.legend(handles=handles, loc="outside upper center", ncols=columns)
     return figure
@@ -388,3 +398,81 @@ def _draw_hand(
     axes.text(bar[0] - 1.0, -6.5, words, ha="right", va="center", color=SOFT, fontsize=SMALL_PT)
     if lines:
         axes.text(0.0, -_FOOT_MM, "\n".join(lines), ha="left", va="top", color=SOFT, fontsize=SMALL_PT)
+
+
+class NoDataError(Exception):
+    """Why a figure cannot be drawn, in a sentence without a full stop."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, its name in paths and its caption; `missing` says why it shows nothing but a sentence."""
+
+    name: str
+    figure: Figure
+    caption: str
+    missing: str = ""
+
+
+def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
+    """Draw a figure in the house's style, or one that says why it cannot be drawn."""
+    try:
+        with apply_style():
+            figure, caption = draw()
+            lay_out(figure, label)
+    except NoDataError as error:
+        return not_drawn(name, str(error))
+    except MemoryError:
+        raise
+    except Exception as error:  # a figure must not cost a study the others
+        traceback.print_exc()
+        return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
+    versions = tr(
+        "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
+        PROGRAM=PROGRAM,
+        VERSION=VERSION,
+        version=matplotlib.__version__,
+    )
+    return Drawing(name, figure, punctuated(plain(f"{caption} {versions}")))
+
+
+def not_drawn(name: str, reason: str) -> Drawing:
+    """Draw a figure that says why there is none."""
+    sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
+    with apply_style():
+        lines = wrap_text(sentence, 52)
+        figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
+        figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
+    return Drawing(name, figure, sentence, sentence)
+
+
+def save(folder: Path, drawing: Drawing) -> None:
+    """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot.
+
+    Drawn in memory first, for matplotlib says more than one sentence of a disk that is full.
+    """
+    for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
+        written = io.BytesIO()
+        with apply_style():
+            drawing.figure.savefig(written, format=kind, metadata={date: None})
+        with replacing(folder / f"{drawing.name}.{kind}") as temporary:
+            temporary.write_bytes(written.getvalue())
+    write_text(folder / f"{drawing.name}.txt", drawing.caption + "\n")
+
+
+def study_text(results: StudyResults) -> str:
+    """Return which study it is, how many subjects and hands it has, and whether its recordings are real."""
+    return tr(
+        "Study {name}: {kind}{subjects}, {hands}{each}.",
+        name=results.name,
+        kind=tr("simulated recordings of ") if results.simulated else "",
+        subjects=ngettext("{n} subject", "{n} subjects", len(results.subjects)),
+        hands=ngettext("{n} hand", "{n} hands", len(results.hands)),
+        each=tr(" (counted in each session)") if results.has_sessions else "",
+    )
+
+
+def count_range(counts: Iterable[int]) -> str:
+    """Return the numbers of subjects or hands behind several marks: a number, or from which to which."""
+    low, high = min(counts := list(counts)), max(counts)
+    return f"{low}" if low == high else f"{low}–{high}"

@@ -1,44 +1,81 @@
-"""A recording's figures: its tip errors and joint angles over time."""
+"""A recording's figures: its tip errors and joint angles over time, and over the cycle.
+
+Curves over the cycle are drawn as movement scientists do: a panel a joint, the mean with one standard
+deviation to either side as shade; of a recording over its cycles, a line an angle.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
-from shukotsu.report.figures.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
-from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, draw_figure, not_drawn
+from shukotsu.movement.cycle_curves import PERCENT
+from shukotsu.report.figures.panels import (
+    FOOT_MM,
+    PLAIN,
+    Drawing,
+    NoDataError,
+    Panel,
+    count_range,
+    draw_figure,
+    in_rows,
+    locator,
+    not_drawn,
+    print_figure,
+    value_scale,
+)
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.hand_motion import view_base
+from shukotsu.report.movement_results import Curve, recording_curves, why_no_curves
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
 from shukotsu.report.recording_results import ANGLES, read_angles, read_tip_errors
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import number, title
+from shukotsu.study.layout import Layout
 from shukotsu.study.study import Recording
 from shukotsu.tables.poses import pose_blocks
 from shukotsu.tables.subjects import path_token
 from shukotsu.translation import N_, tr, word
 
-_STRIP_MM, _ANGLE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 9.0, 8
+_STRIP_MM, _ANGLE_MM, _CURVE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 28.0, 9.0, 8
 """Heights, and about how many marks tell a line apart from others; they are no samples."""
 _GAP_STEPS = 1.9
 """A step between valid samples that is so many times the usual one is a gap: one missing frame makes it 2."""
-_LINES = ((N_("Flexion"), INK), (N_("Abduction or deviation"), HUES["sky"][0]),
-          (N_("Axial rotation"), HUES["vermilion"][0]))  # fmt: skip
-"""Name and colour of each of ANGLES."""
+
+
+class CurveLook(NamedTuple):
+    """Name of a line, its colour, and its dashes."""
+
+    label: str
+    colour: str
+    style: str = "-"
+
+
+ANGLE_LOOKS = {
+    "flexion": CurveLook(N_("Flexion"), INK),
+    "abduction": CurveLook(N_("Abduction or deviation"), HUES["sky"][0], "--"),
+    "rotation": CurveLook(N_("Axial rotation"), HUES["vermilion"][0], ":"),
+}
+
+
+def angle_looks() -> dict[str, CurveLook]:
+    """Return the look of each of ANGLES, in the language in use."""
+    return {angle: look._replace(label=tr(look.label)) for angle, look in ANGLE_LOOKS.items()}
 
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
-    """Draw a recording's figures: tip-error, and joint-angles of every fitted model."""
+    """Draw a recording's figures: tip-error; joint-angles and cycle-curves of every fitted model."""
     yield draw_figure("tip-error", partial(tip_error, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
@@ -46,6 +83,10 @@ def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawin
     if not results.fitted:
         reason = tr("joint angles need a model that fits the whole hand, and this study has none")
         yield not_drawn("joint-angles", reason)
+    for model in results.fitted or [results.leading]:
+        for event in recording_curves(results, recording, model) or [""]:
+            name = "_".join(["cycle-curves", path_token(model), *([path_token(event)] if event else [])])
+            yield draw_figure(name, partial(recording_cycles, results, recording, model, event))
 
 
 def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
@@ -196,25 +237,20 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     traces = _angle_traces(x, read)
     if not traces:
         raise NoDataError(tr("{model} has no joint angles of this recording", model=model))
-    every = [trace for of_joint in traces.values() for trace in of_joint]
+    every = [trace for of_joint in traces.values() for of_angle in of_joint for trace in of_angle if trace]
     low, high = min(np.nanmin(trace.low) for trace in every), max(np.nanmax(trace.high) for trace in every)
     pad = 0.06 * (high - low) or 1.0
-    layout = results.layouts[recording.hand]
-    children = {name: joint.child for name, joint in layout.joints.items()}
-    of_digits = [
-        [joint for joint in traces if joint in digit.joints or children.get(joint) in digit.segments]
-        for digit in layout.digits.values()
-    ]
-    others = [joint for joint in traces if not any(joint in line for line in of_digits)]
-    lines = [line for line in (*of_digits, others) if line]
+    lines = digit_rows(results.layouts[recording.hand], traces)
 
     def draw(axes: Axes, joint: str, first: bool, last: bool) -> None:
         axes.set(ylim=(low - pad, high + pad), ylabel=tr("Angle [deg]") if first else "")
         _time_axes(axes, x, time_words if last else "")
         axes.axhline(0.0, color=RULE, linewidth=0.8)
-        for (_, colour), trace in zip(_LINES, traces[joint], strict=True):
-            axes.fill_between(trace.x, trace.low, trace.high, color=colour, alpha=0.3, linewidth=0)
-            axes.plot(trace.x, trace.high, color=colour, linewidth=0.7)
+        for look, (trace, below, above) in zip(ANGLE_LOOKS.values(), traces[joint], strict=True):
+            if below is not None and above is not None:
+                axes.fill_between(below.x, below.low, above.high, color=look.colour, alpha=0.15, linewidth=0)
+            axes.fill_between(trace.x, trace.low, trace.high, color=look.colour, alpha=0.3, linewidth=0)
+            axes.plot(trace.x, trace.high, color=look.colour, linewidth=0.7)
 
     rows = []
     for line in lines:
@@ -226,23 +262,119 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
                 for joint in line
             ]
         )  # fmt: skip
-    handles = [Line2D([], [], color=colour, label=tr(name)) for name, colour in _LINES]
+    handles = [Line2D([], [], color=look.colour, label=look.label) for look in angle_looks().values()]
     return print_figure(rows, handles), tr(
         "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint coordinate system of "
         "Grood and Suntay, signed as the International Society of Biomechanics recommends for the hand: "
         "flexion, ulnar deviation and pronation are positive [deg]. Line: the largest value of every stretch "
-        "of time that print can resolve; shade: down to the smallest; broken where frames are missing.",
+        "of time that print can resolve; shade: down to the smallest; lighter shade: the stated 1-sigma "
+        "error to either side; broken where frames are missing.",
         recording_text=recording_text(recording),
         model=model,
         n_frames=len(x),
     )
 
 
-def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[Trace]]:
-    """Return the three traces of each joint that has an angle."""
+_WithError = tuple[Trace, Trace | None, Trace | None]
+"""An angle, and the same less and plus its stated 1-sigma error; None where none is stated."""
+
+
+def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[_WithError]]:
+    """Return the traces of each joint that has all three angles."""
     columns, traces = _columns_for(len(read) * len(ANGLES)), {}
     for joint, angles in read.items():
-        thinned = [trace for values in angles().T if (trace := thin(x, values, columns)) is not None]
+        numbers = angles()
+        thinned = [
+            (trace, thin(x, angle - sd, columns), thin(x, angle + sd, columns))
+            for angle, sd in zip(numbers[:, : len(ANGLES)].T, numbers[:, len(ANGLES) :].T, strict=True)
+            if (trace := thin(x, angle, columns)) is not None
+        ]
         if len(thinned) == len(ANGLES):
             traces[joint] = thinned
     return traces
+
+
+def legend_handles(looks: Iterable[CurveLook]) -> list[Line2D]:
+    """Return what a legend shows."""
+    return [Line2D([], [], color=c, linestyle=cast(Any, style), label=name) for name, c, style in looks]
+
+
+def curve_panels(
+    title: str, joints: Mapping[str, Mapping[str, Curve]], looks: Mapping[str, CurveLook]
+) -> dict[str, Panel]:
+    """Return a panel a joint, all to one scale; its heading says of how many cycles or subjects it is.
+
+    joints : by joint, curves by the names of `looks`.
+    """
+    ends = [
+        curve.mean_deg + side * np.nan_to_num(curve.sd_deg)
+        for curves in joints.values()
+        for curve in curves.values()
+        for side in (-1.0, 1.0)
+    ]
+    low, high = np.nanmin(ends), np.nanmax(ends)
+    pad = 0.06 * (high - low) or 1.0
+    panels = {}
+    for joint, curves in joints.items():
+        shown = {name: curves[name] for name in looks if name in curves}
+        counts = list(dict.fromkeys(count_range(curve.n.astype(int)) for curve in shown.values()))
+        draw = partial(_draw_curves, curves=shown, looks=looks, limits_deg=(low - pad, high + pad))
+        heading = tr("{joint}, n = {n}", joint=word(joint), n=tr(", ").join(counts))
+        panels[joint] = Panel(heading, f"{title}: {heading}", _CURVE_MM, FOOT_MM, draw)
+    return panels
+
+
+def _draw_curves(
+    axes: Axes,
+    curves: Mapping[str, Curve],
+    looks: Mapping[str, CurveLook],
+    limits_deg: tuple[float, float],
+) -> None:
+    """Draw each mean over the percents of the cycle, and one standard deviation to either side."""
+    axes.set(xlim=(0, 100), ylim=limits_deg, xlabel=tr("Cycle [%]"), ylabel=tr("Angle [deg]"))
+    axes.xaxis.set_major_locator(MultipleLocator(25))
+    axes.yaxis.set_major_formatter(PLAIN)
+    axes.grid(axis="y")
+    axes.axhline(0.0, color=RULE, linewidth=0.8)
+    for name, curve in curves.items():
+        label, colour, style = looks[name]
+        below_deg, above_deg = curve.mean_deg - curve.sd_deg, curve.mean_deg + curve.sd_deg
+        axes.fill_between(PERCENT, below_deg, above_deg, color=colour, alpha=0.2, linewidth=0)
+        axes.plot(PERCENT, curve.mean_deg, color=colour, linestyle=style, linewidth=1.2, label=label)
+
+
+def digit_rows(layout: Layout, joints: Iterable[str]) -> list[list[str]]:
+    """Return the joints in rows: of each digit, then the others."""
+    names, children = list(joints), {name: joint.child for name, joint in layout.joints.items()}
+    rows = [
+        [joint for joint in names if joint in digit.joints or children.get(joint) in digit.segments]
+        for digit in layout.digits.values()
+    ]
+    others = [joint for joint in names if not any(joint in row for row in rows)]
+    return [row for row in (*rows, others) if row]
+
+
+def recording_cycles(
+    results: StudyResults, recording: Recording, model: str, event: str = ""
+) -> tuple[Figure, str]:
+    """Draw a panel a joint, digits in rows: means over the cycles that begin at an event, or at the first.
+
+    Raises NoDataError where no angle is averaged.
+    """
+    curves = recording_curves(results, recording, model)
+    if not curves:
+        raise NoDataError(why_no_curves(results, recording, model))
+    event, words = event or next(iter(curves)), recording_text(recording)
+    panels = curve_panels(words, curves[event], angle_looks())
+    rows = [
+        [panels[joint] for joint in row] for row in digit_rows(results.layouts[recording.hand], curves[event])
+    ]
+    return print_figure(rows, legend_handles(angle_looks().values())), tr(
+        "Joint angles over the cycle of {recording_text}, model {model}: means over n cycles, each from one "
+        "event “{event}” to the next or to its own end, at every percent of its duration [deg]. Shade: one "
+        "standard deviation over cycles to either side. Flexion, ulnar deviation and pronation are "
+        "positive. A cycle with a gap counts where it is measured.",
+        recording_text=words,
+        model=model,
+        event=event,
+    )

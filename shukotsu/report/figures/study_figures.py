@@ -1,24 +1,19 @@
-"""A study's figures, each with its caption, and how figures become files: the same figure, the same bytes."""
+"""A study's figures, each with its caption."""
 
 from __future__ import annotations
 
-import io
-import traceback
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from shukotsu.errors import on_one_line
 from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_text
 from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
@@ -26,20 +21,24 @@ from shukotsu.report.figures.panels import (
     LINE_MM,
     ROW_LETTERS,
     ROW_MM,
+    Drawing,
+    NoDataError,
     Panel,
     PanelRow,
     Scale,
+    count_range,
+    draw_figure,
     draw_rows,
     in_rows,
-    lay_out,
     panel_names,
     print_figure,
     row_axes,
     scatter_steps,
+    study_text,
     value_scale,
 )
-from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, apply_style, label, wrap_text
-from shukotsu.report.group_results import ComparedFactor, compared_factors
+from shukotsu.report.figures.recording_figures import CurveLook, curve_panels, legend_handles
+from shukotsu.report.figures.style import wrap_text
 from shukotsu.report.judged_models import (
     LEFT_OUT,
     PRIOR,
@@ -49,20 +48,36 @@ from shukotsu.report.judged_models import (
     judged_models,
     taken_model,
 )
-from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
-from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
+from shukotsu.report.movement_results import (
+    OF_ANGLE,
+    RANGE,
+    ComparedFactor,
+    StudyMovement,
+    compared_factors,
+    read_movement,
+    subject_groups,
+)
+from shukotsu.report.palette import (
+    AMBER,
+    INK,
+    NO,
+    PAPER,
+    RULE,
+    SOFT,
+    Look,
+    digit_looks,
+    level_looks,
+    model_looks,
+)
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import alike, capital, heading
-from shukotsu.report.templates import plain
-from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Study
 from shukotsu.study.verdict import CARE_TIMES
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import key_of
-from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
@@ -71,96 +86,19 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import BoneLengthsRow
 
 
-class NoDataError(Exception):
-    """Why a figure cannot be drawn, in a sentence without a full stop."""
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure, its name in paths and its caption; `missing` says why it shows nothing but a sentence."""
-
-    name: str
-    figure: Figure
-    caption: str
-    missing: str = ""
-
-
 def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
     """Draw the study's figures, STUDY_FIGURES in turn."""
-    movement = read_movement(results)
+    movement, levels = read_movement(results), subject_groups(study)
     draw: dict[str, Callable[[], tuple[Figure, str]]] = {
         "models": lambda: models(results),
         "joint-errors": lambda: joint_errors(results),
         "joint-trust": lambda: joint_trust(results),
         "ranges-of-motion": lambda: ranges_of_motion(results, movement),
+        "cycle-curves": lambda: study_cycles(results, movement, levels),
         "groups": lambda: groups(results, study, movement),
     }
     for name in STUDY_FIGURES:
         yield draw_figure(name, draw[name])
-
-
-def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
-    """Draw a figure in the house's style, or one that says why it cannot be drawn."""
-    try:
-        with apply_style():
-            figure, caption = draw()
-            lay_out(figure, label)
-    except NoDataError as error:
-        return not_drawn(name, str(error))
-    except MemoryError:
-        raise
-    except Exception as error:  # a figure must not cost a study the others
-        traceback.print_exc()
-        return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
-    versions = tr(
-        "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
-        PROGRAM=PROGRAM,
-        VERSION=VERSION,
-        version=matplotlib.__version__,
-    )
-    return Drawing(name, figure, plain(f"{caption} {versions}"))
-
-
-def not_drawn(name: str, reason: str) -> Drawing:
-    """Draw a figure that says why there is none."""
-    sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
-    with apply_style():
-        lines = wrap_text(sentence, 52)
-        figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
-        figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
-    return Drawing(name, figure, sentence, sentence)
-
-
-def save(folder: Path, drawing: Drawing) -> None:
-    """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot.
-
-    Drawn in memory first, for matplotlib says more than one sentence of a disk that is full.
-    """
-    for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
-        written = io.BytesIO()
-        with apply_style():
-            drawing.figure.savefig(written, format=kind, metadata={date: None})
-        with replacing(folder / f"{drawing.name}.{kind}") as temporary:
-            temporary.write_bytes(written.getvalue())
-    write_text(folder / f"{drawing.name}.txt", drawing.caption + "\n")
-
-
-def study_text(results: StudyResults) -> str:
-    """Return which study it is, how many subjects and hands it has, and whether its recordings are real."""
-    return tr(
-        "Study {name}: {kind}{subjects}, {hands}{each}.",
-        name=results.name,
-        kind=tr("simulated recordings of ") if results.simulated else "",
-        subjects=ngettext("{n} subject", "{n} subjects", len(results.subjects)),
-        hands=ngettext("{n} hand", "{n} hands", len(results.hands)),
-        each=tr(" (counted in each session)") if results.has_sessions else "",
-    )
-
-
-def count_range(counts: Iterable[int]) -> str:
-    """Return the numbers of subjects or hands behind several marks: a number, or from which to which."""
-    low, high = min(counts := list(counts)), max(counts)
-    return f"{low}" if low == high else f"{low}–{high}"
 
 
 _MODEL_ROW_MM = 6.0
@@ -189,10 +127,13 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
         shown = listed(row.name.replace("\n", " ") for row in rows)
         title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=shown)
-        n = count_range(len(row.numbers) for row in rows)
-        kind = tr("n = {n} subjects, held out", n=n)
+        counts = [len(row.numbers) for row in rows]
+        most, shown_n = max(counts), count_range(counts)
+        kind = ngettext("n = {n_of} subject, held out", "n = {n_of} subjects, held out", most, n_of=shown_n)
         if not each.held_out:
-            kind = tr("n = {n} subjects, in-sample", n=n)
+            kind = ngettext(
+                "n = {n_of} subject, in-sample", "n = {n_of} subjects, in-sample", most, n_of=shown_n
+            )
         draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
@@ -237,7 +178,7 @@ def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]
     return [joint for joint in dict.fromkeys([*of_digits, *others, *sorted(joints)]) if joint in joints]
 
 
-_ACROSS = 3
+_ACROSS, _CURVES_ACROSS = 3, 4
 _SKELETON = ("subject", "session", "hand", "model", "calibrated_on")
 
 
@@ -263,8 +204,14 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     panels = []
     for names in alike({model: errors[model] for model in results.models if model in errors}):
         of_model = errors[names[0]]
-        n = count_range(map(len, of_model.error_mm.values()))
-        words = tr("{own}; n = {n} hands", own=listed(names), n=n)
+        counts = [len(of_joint) for of_joint in of_model.error_mm.values()]
+        words = ngettext(
+            "{own}; n = {n_of} hand",
+            "{own}; n = {n_of} hands",
+            max(counts),
+            own=listed(names),
+            n_of=count_range(counts),
+        )
         draw = partial(
             _draw_errors, joints=joints, look=looks[names[0]], errors=of_model, prior=prior, scale=scale
         )
@@ -432,11 +379,65 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
     )
 
 
+_STYLES = ("-", "--", ":", "-.")
+
+
+def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
+    """Return the look of each level of a factor; of all subjects alike where they have the one level ''."""
+    if (names := list(levels)) == [""]:
+        return {"": CurveLook(tr("all subjects"), INK)}
+    colours = level_looks(names)
+    return {
+        name: CurveLook(word(name), colours[name].colour, _STYLES[index % len(_STYLES)])
+        for index, name in enumerate(names)
+    }
+
+
+def study_panels(movement: StudyMovement, groups: Mapping[str, str]) -> dict[str, list[Panel]]:
+    """Return by each task and event, in words, a panel a joint: flexion over subjects, a line a group."""
+    looks, of_tasks = group_looks(dict.fromkeys(groups.values())), {}
+    for (task, event), joints in movement.level_curves(groups).items():
+        words = tr("{task}, cycles from “{event}”", task=task, event=event)
+        of_tasks[words] = list(curve_panels(words, joints, looks).values())
+    return of_tasks
+
+
+def study_cycles(
+    results: StudyResults, movement: StudyMovement, groups: Mapping[str, str]
+) -> tuple[Figure, str]:
+    """Draw a panel a joint, task by task. Raises NoDataError where no recording has cycles.
+
+    groups : each subject's level of the factor that is drawn.
+    """
+    of_tasks = study_panels(movement, groups)
+    if not of_tasks:
+        raise NoDataError(tr(NO_CYCLES))
+    rows: list[Sequence[Panel]] = [
+        row for panels in of_tasks.values() for row in in_rows(panels, _CURVES_ACROSS)
+    ]
+    looks = group_looks(dict.fromkeys(groups.values()))
+    return print_figure(rows, legend_handles(looks.values())), tr(
+        "Flexion over the cycle, task by task ({tasks}): mean over subjects of each subject’s own mean cycle "
+        "[deg], at every percent of the cycle; n subjects of every line, in the legend’s order. Shade: one "
+        "standard deviation over subjects to either side. {study_text} Model {model}. Hands with a suspect "
+        "finding are left out.",
+        tasks="; ".join(of_tasks),
+        study_text=study_text(results),
+        model=movement.model,
+    )
+
+
+NO_CYCLES = N_(
+    "no angle is averaged over cycles, for no recording of a task has cycles that can be used; they begin at "
+    "events, which the study’s sheet of events lists"
+)
+
+
 def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Panel]:
     """Return a panel for each number that is drawn of the study's factors: a row a level, a dot a subject."""
     panels = []
     for drawn in (each for factor in factors for each in factor.drawn):
-        looks = _looks_of_levels(drawn.levels)
+        looks = level_looks(drawn.levels)
         rows = [
             PanelRow(level, looks[level], numbers, float(np.mean([*numbers.values()])))
             for level, numbers in drawn.levels.items()
@@ -464,10 +465,6 @@ def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tupl
         study_text=study_text(results),
         model=movement.model,
     )
-
-
-def _looks_of_levels(levels: Iterable[str]) -> dict[str, Look]:
-    return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
 
 
 def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Panel | None:

@@ -21,7 +21,7 @@ from matplotlib.ticker import FixedFormatter
 
 from shukotsu.report.palette import INK, RULE, SOFT
 from shukotsu.report.templates import translations_of
-from shukotsu.translation import ENGLISH, N_, language
+from shukotsu.translation import ENGLISH, N_, language, punctuated
 
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
 SMALL_PT = 7.0
@@ -101,6 +101,7 @@ def label(text: str) -> str:
 
     On a page, which alone is drawn in a language that no font here writes, the reader's browser has one.
     """
+    text = punctuated(text)
     if print_language(language()) != language():
         return without_controls(text)
     drawable = _characters(language())

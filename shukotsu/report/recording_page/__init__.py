@@ -6,11 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote
 
+from markupsafe import Markup
+
 from shukotsu.report.belief import belief, believed_counts
-from shukotsu.report.figures.recording_figures import recording_text
+from shukotsu.report.figures.panels import page_picture
+from shukotsu.report.figures.recording_figures import angle_looks, curve_panels, digit_rows, recording_text
+from shukotsu.report.movement_results import recording_curves, why_no_curves
 from shukotsu.report.palette import MARK_PATHS
 from shukotsu.report.recording_results import ModelResults, RecordingResults
-from shukotsu.report.skeleton_tables import measured_ranges, measured_table
+from shukotsu.report.skeleton_tables import measured_table
 from shukotsu.report.study_results import StudyResults, recording_key, row_key, task_title
 from shukotsu.report.table_cells import (
     Folded,
@@ -28,6 +32,7 @@ from shukotsu.report.table_cells import (
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import NumberBlock, view_of
 from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.subjects import SubjectSession
 from shukotsu.translation import ngettext, tr, translated, word
 
@@ -46,7 +51,11 @@ def recording_page(results: RecordingResults) -> str:
         facts.append(f"{number(row['duration_s'])} s")
     if row.get("valid_percent") is not None:
         facts.append(tr("{valid} % of the poses may be used", valid=number(row["valid_percent"], 1)))
-    blocks = [NumberBlock(f"angles{i}", ANGLE_STEP_DEG, each.angle_deg) for i, each in enumerate(angles)]
+    blocks = [
+        NumberBlock(f"{name}{i}", ANGLE_STEP_DEG, values)
+        for i, each in enumerate(angles)
+        for name, values in (("angles", each.angle_deg), ("angle_sds", each.sd_deg))
+    ]
     header = {
         "angles": [{"model": each.model, "joints": [word(joint) for joint in each.joints]} for each in angles]
     }
@@ -67,6 +76,7 @@ def recording_page(results: RecordingResults) -> str:
         [row for model in results.models for row in model.tip_errors],
         source="tip_errors",
     )
+    cycles = _cycles(results.study, results.recording, title)
     return render(
         "recording_page/page.html.j2",
         title=title,
@@ -80,6 +90,10 @@ def recording_page(results: RecordingResults) -> str:
         view=None if motion is None else view_of(title, motion, blocks, header),
         every=1 if motion is None else motion.every,
         angles=angles,
+        cycles=cycles,
+        no_cycles="" if cycles else why_no_curves(results.study, results.recording, results.study.leading),
+        leading=results.study.leading,
+        angle_looks=[*angle_looks().values()],
         marks=list(MARK_PATHS.values()),
         replayed=results.recording.role != "calibration",
         tip_errors=Folded(tr("Tip error of the replay in numbers"), tip_errors),
@@ -100,9 +114,20 @@ def recording_title(recording: Recording) -> str:
     return capital(recording_text(recording)) + (f" ({tr('calibration')})" if calibrates else "")
 
 
+def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str, list[tuple[str, Markup]]]:
+    """Return by event the curves over its cycles under the leading model: a heading and a picture a joint."""
+    pictures = {}
+    for event, curves in recording_curves(results, recording, results.leading).items():
+        panels = curve_panels(f"{title}, {event}", curves, angle_looks())
+        rows = digit_rows(results.layouts[recording.hand], curves)
+        in_order = [panels[joint] for row in rows for joint in row]
+        pictures[event] = [(panel.heading, page_picture(panel)) for panel in in_order]
+    return pictures
+
+
 def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
     """Tabulate the recording's rows of ranges_of_motion under a model; None without any."""
-    measured = measured_ranges(results.study, results.recording.hand, model.name)
+    measured = results.study.hand_rows(RANGES_OF_MOTION, results.recording.hand, model.name)
     rows = [row for row in measured if row_key(row) == recording_key(results.recording)]
     caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=model.name)
     return Folded(model.name, measured_table(caption, rows, with_recording=False)) if rows else None

@@ -83,7 +83,7 @@ class Plot {
     return clamp(from + (x - LEFT) / this.width * (to - from), from, to);
   }
 
-  /* strips: [{title, low, high, ticks, logarithmic, lines: [{at, colour, mark}]}] */
+  /* strips: [{title, low, high, ticks, logarithmic, lines: [{at, sd, colour, mark}]}] */
   draw(strips, colours) {
     const {canvas, element, stripHeight} = this, ratio = min(2, devicePixelRatio), each = TITLE + stripHeight;
     const high = strips.length * each + AXIS, wide = element.clientWidth;
@@ -139,7 +139,10 @@ class Plot {
     to.beginPath();
     to.rect(LEFT, foot - stripHeight - 2, width, stripHeight + 4);
     to.clip();
-    for (const line of lines) this.curve(line, y);
+    for (const line of lines) {
+      if (line.sd) this.spread(line, y);
+      this.curve(line, y);
+    }
     to.restore();
     this.words(title, LEFT + 4, foot - stripHeight - 6, "left", ink);
     if (!lines.some(({known}) => known)) {
@@ -177,6 +180,28 @@ class Plot {
     flush();
     to.stroke();
     if (mark) this.marks(at, colour, new Path2D(mark), phase, y);
+  }
+
+  /* One standard deviation to either side of a line, each of its unbroken runs filled. */
+  spread({at, sd, colour}, y) {
+    const {to, time} = this, {times, usual} = time;
+    let run = [];
+    const fill = () => {
+      to.beginPath();
+      for (const [x, value, off] of run) to.lineTo(x, y(value + off));
+      for (const [x, value, off] of run.reverse()) to.lineTo(x, y(value - off));
+      to.fill();
+      run = [];
+    };
+    Object.assign(to, {fillStyle: colour, globalAlpha: .2});
+    const start = max(0, time.index(time.from) - 1), end = min(time.last, time.index(time.to) + 1);
+    for (let i = start; i <= end; i++) {
+      const value = at(i), off = sd(i);
+      if (isNaN(value + off) || (i > start && times[i] - times[i - 1] > usual * GAP_STEPS)) fill();
+      if (!isNaN(value + off)) run.push([this.x(times[i]), value, off]);
+    }
+    fill();
+    to.globalAlpha = 1;
   }
 
   marks(at, colour, shape, phase, y) {
@@ -232,8 +257,8 @@ class Plots {
 
   error(model, digit) { return series(this.viewer.blocks[`errors${model}`], digit); }
 
-  angle(joint, part) {
-    return series(this.viewer.blocks[`angles${this.part["angle-model"].value}`], Number(joint), part);
+  angle(joint, part, block = "angles") {
+    return series(this.viewer.blocks[`${block}${this.part["angle-model"].value}`], Number(joint), part);
   }
 
   /* The models that the viewer shows, until others are ticked. */
@@ -295,11 +320,12 @@ class Plots {
   angleStrips(colour) {
     const {joint} = this.part;
     return ANGLES.map((angle, part) => {
-      const at = this.angle(joint.value, part), known = summary(at, this.viewer.last + 1);
-      const {low, high} = known ?? {low: 0, high: 0};
+      const at = this.angle(joint.value, part), sd = this.angle(joint.value, part, "angle_sds");
+      const count = this.viewer.last + 1, known = summary(at, count), end = (side) => (i) => at(i) + side * (sd(i) || 0);
+      const [low, high] = known ? [summary(end(-1), count).low, summary(end(1), count).high] : [0, 0];
       const pad = max(0, LEAST_SPAN_DEG - (high - low)) / 2 + (high - low) * .04;
       const title = `${part ? "" : `${joint.selectedOptions[0].text}: `}${wording(angle)} [deg], ${wording(`sense_${angle}`)}`;
-      return {title, low: low - pad, high: high + pad, ticks: ticksOf(low - pad, high + pad, 3), lines: [{at, known, colour}]};
+      return {title, low: low - pad, high: high + pad, ticks: ticksOf(low - pad, high + pad, 3), lines: [{at, sd, known, colour}]};
     });
   }
 

@@ -9,10 +9,16 @@ from matplotlib.container import BarContainer
 from report_samples.made_study import ANGLES, FITTED_MODELS, MadeStudy, compared
 from report_samples.pages import rows_where
 
-from shukotsu.report.figures.panels import page_figure
-from shukotsu.report.figures.recording_figures import find_recording, joint_angles, thin, tip_error
+from shukotsu.report.figures.panels import NoDataError, page_figure
+from shukotsu.report.figures.recording_figures import (
+    find_recording,
+    joint_angles,
+    of_recording,
+    recording_cycles,
+    thin,
+    tip_error,
+)
 from shukotsu.report.figures.study_figures import (
-    NoDataError,
     joint_errors,
     joint_trust,
     lengths_panel,
@@ -25,7 +31,7 @@ from shukotsu.report.palette import PAPER
 from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Recording
-from shukotsu.tables.catalogue import JOINT_ANGLES, TIPS
+from shukotsu.tables.catalogue import CYCLE_CURVES, JOINT_ANGLES, TIPS
 
 
 def names_of(axes: Axes) -> list[str]:
@@ -179,6 +185,39 @@ def test_joint_angles_are_the_tables(study: MadeStudy, recording: Recording) -> 
         for line, name in zip(axes_of[joint].lines[1:], ANGLES, strict=True):
             largest = max(row[name] for row in rows if row[name] is not None)
             assert np.nanmax(np.asarray(line.get_ydata(), float)) == largest
+        bands = [np.ptp(area.get_paths()[0].vertices[:, 1]) for area in axes_of[joint].collections]
+        np.testing.assert_allclose(
+            [bands[n] - bands[n + 1] for n in (0, 2, 4)], [4.0, 6.0, 8.0], err_msg="1 sigma of 2, 3 and 4 deg"
+        )
     times_s = np.asarray(axes_of["ring_cmc"].lines[1].get_xdata(), float)
     assert np.isclose(times_s[-1] - times_s[0], 299 / 240, atol=3 / 240)
     assert "n = 300 frames" in caption
+
+
+def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, recording: Recording) -> None:
+    """A panel a joint that was measured, digits in rows; a line an angle, a band of one SD to either side."""
+    figure, caption = recording_cycles(study.results, recording, "whole-hand")
+    axes_of = {axes.get_title("right"): axes for axes in figure.axes}
+    assert list(axes_of)[:3] == ["thumb_mcp, n = 2–3", "index_mcp, n = 2–3", "index_pip, n = 2–3"]
+    for joint in ("index_pip", "ring_mcp"):
+        axes = axes_of[f"{joint}, n = 2–3"]
+        for number, (angle, line) in enumerate(zip(ANGLES, axes.lines[1:], strict=True)):
+            rows = study.rows(CYCLE_CURVES, "whole-hand", joint=joint, angle=angle.removesuffix("_deg"))
+            np.testing.assert_allclose(np.asarray(line.get_xdata(), float), np.arange(101))
+            mean = np.array([row["mean_deg"] for row in rows])
+            np.testing.assert_allclose(np.asarray(line.get_ydata(), float), mean)
+            outline = axes.collections[number].get_paths()[0].vertices
+            for percent in (0, 45, 100):
+                ends = outline[outline[:, 0] == percent, 1]
+                sd = rows[percent]["sd_deg"]
+                assert (ends.min(), ends.max()) == pytest.approx((mean[percent] - sd, mean[percent] + sd))
+    assert "event “tap”" in caption
+
+
+def test_a_recording_without_cycles_says_why(study: MadeStudy) -> None:
+    left = find_recording(study.results, "S01", "left", "opposition")
+    with pytest.raises(NoDataError, match="No event begins a cycle in this recording"):
+        recording_cycles(study.results, left, "whole-hand")
+    assert [each.name for each in of_recording(study.results, left)][-2:] == [
+        "cycle-curves_whole-hand", "cycle-curves_whole-hand-b"
+    ]  # fmt: skip

@@ -14,8 +14,17 @@ from matplotlib.figure import Figure
 from report_samples.made_study import MadeStudy, make_study, many_subjects
 from stage_runs import print_figures
 
-from shukotsu.report.figures.panels import Panel, PanelRow, Scale, draw_rows, print_figure
-from shukotsu.report.figures.study_figures import Drawing, draw_figure, of_study, save
+from shukotsu.report.figures.panels import (
+    Drawing,
+    Panel,
+    PanelRow,
+    Scale,
+    draw_figure,
+    draw_rows,
+    print_figure,
+    save,
+)
+from shukotsu.report.figures.study_figures import of_study
 from shukotsu.report.figures.style import label
 from shukotsu.report.palette import Look
 from shukotsu.report.study_results import StudyResults

@@ -79,3 +79,13 @@ def test_poses_that_failed_leave_a_page_that_says_so(study: MadeStudy) -> None:
     assert "Nothing moves here. opposition-A" in text
     assert "-left.csv: row 7, column x_mm: 'n/a' is <not> a number" in text
     assert "Right hand, same task" in text
+
+
+def test_curves_over_cycles_stand_on_the_page_or_why_there_are_none(study: MadeStudy, recorded: str) -> None:
+    """A picture a joint that has them, with n; the page of a hand without events says so."""
+    section = recorded.partition('<section id="cycles">')[2].partition("</section>")[0]
+    assert "Cycles from “tap”" in section
+    assert section.count("<svg viewBox") == 9 + 3, "joints of the table, and a legend of three angles"
+    assert "index_pip, n = 2–3" in section
+    left = text_of(recording_page(study.recording_results("S01", "left")))
+    assert "No event begins a cycle in this recording" in left
