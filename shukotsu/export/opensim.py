@@ -37,7 +37,7 @@ from shukotsu.export.kinematic_tree import (
     joint_forms,
     shortest_turn,
 )
-from shukotsu.export.motion import BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
+from shukotsu.export.motion import ALONE_HZ, BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Bools, Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import Array, conjugate, matrix, mean_rotation, multiply, rotate
@@ -277,9 +277,6 @@ def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> No
     properties = {"socket_parent_frame": f"/bodyset/{body}", "location": metres(place_mm)}
     add(parent, "Marker", name, **properties, fixed="true")
 
-
-ALONE_HZ = 60.0
-"""Rate in the header of a file of one frame, for which none is known."""
 
 _ANGLE_DECIMALS = 9
 _METRE_DECIMALS = 12

@@ -17,7 +17,8 @@ from moving_fingers import moving_fingers
 from scipy.spatial.transform import Rotation
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.bvh import AT_REST, euler_zyx_deg, write
+from shukotsu.export.bvh import AT_REST, TURN_AXES, write
+from shukotsu.export.kinematic_tree import turn_angles
 from shukotsu.export.registry import ExportSettings, prepare, write_format
 
 
@@ -32,7 +33,7 @@ def test_angles_are_the_rotations_and_go_on_from_frame_to_frame(seed: int) -> No
     for step in steps:
         turns.append(turns[-1] * step)
     turn = Rotation.concatenate(turns)
-    angles = euler_zyx_deg(turn.as_quat(scalar_first=True)[:, None])[:, 0]
+    angles = np.degrees(turn_angles(turn.as_quat(scalar_first=True), TURN_AXES))
     back = Rotation.from_euler("ZYX", angles, degrees=True)
     assert np.degrees((turn.inv() * back).magnitude()).max() < 1e-9
     steep = np.abs(np.cos(np.radians(angles[:, 1]))) < 0.2
