@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 
-from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, Usage, run_process, run_python
+from benchmarks.benchmark_table import Cell, PrintedTable, Usage, run_python, run_study
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.fitted_motion import pose_hand
@@ -48,9 +47,9 @@ def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[PrintedT
                 run_python("-m", "shukotsu.simulate", *who, f"--frames={FRAMES[task]}", file)
         for count in subjects:
             folder = Path(name, f"study-{count}")
-            rows.append(_row(f"{count} subjects, cold", run_study(folder, simulated, count)))
-        rows.append(_row("then nothing changed", run_study(folder, simulated, count)))
-        rows.append(_row("then a subject more", run_study(folder, simulated, count + 1)))
+            rows.append(_row(f"{count} subjects, cold", run_copies(folder, simulated, count)))
+        rows.append(_row("then nothing changed", run_copies(folder, simulated, count)))
+        rows.append(_row("then a subject more", run_copies(folder, simulated, count + 1)))
     yield PrintedTable(
         f"studies: 6 models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
@@ -66,7 +65,7 @@ def _recordings() -> Iterator[tuple[str, str]]:
     return ((hand, task) for hand in ("right", "left") for task in ROLES)
 
 
-def run_study(folder: Path, simulated: Path, subjects: int) -> Usage:
+def run_copies(folder: Path, simulated: Path, subjects: int) -> Usage:
     """Write a study of so many subjects, recordings linked from those that are simulated, and run it."""
     sheet = ["subject\thand\ttask\trole\tfile"]
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
@@ -79,8 +78,7 @@ def run_study(folder: Path, simulated: Path, subjects: int) -> Usage:
     (folder / "recordings.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{MODELS}]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
-    command = [sys.executable, "-m", "snakemake", f"--snakefile={ROOT / 'Snakefile'}", f"--cores={CORES}"]
-    return run_process([*command, "--configfile", str(folder / "study.yaml")], folder)
+    return run_study(folder, CORES)
 
 
 def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
@@ -88,8 +86,9 @@ def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
     return name, int(jobs[1]) if jobs else 0, usage.seconds, usage.processor_s, usage.memory_mb
 
 
-def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> PrintedTable:
-    """Return what a hand takes; frames : of the calibration and of the task that is posed."""
+def hand_table(rounds: int) -> PrintedTable:
+    """Return what a hand takes."""
+    frames = 6000, 4000  # of the calibration and of the task that is posed
     calibration, task = (
         simulate("01", "right", name, 1, Realism(), n).poses() for name, n in zip(ROLES, frames, strict=True)
     )
