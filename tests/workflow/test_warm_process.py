@@ -50,7 +50,7 @@ def done(folder: Path, *words: object, script: Path = SOLVE, address: str | None
 @pytest.fixture(scope="module")
 def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("poses")
-    write_recording(folder / "rom.parquet", simulate("01", "right", "rom", 3, Realism.full(), 300))
+    write_recording(folder / "rom.parquet", simulate("01", "right", "rom", 3, Realism(), 300))
     words = ["--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"]
     assert capture(["import", f"--in={folder}/rom.parquet", *words, f"--out={folder}/poses.parquet"]) == 0
     return folder / "poses.parquet"
