@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import continuous
+from shukotsu.export.motion import continuous, require_times
 from shukotsu.hand.posing import Bools, Index, PosedRecording, known_points
 from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
 
@@ -35,14 +35,7 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     these would be more than FILLED_FRAMES.
     """
     time_s = motion.time_s
-    if not np.isfinite(time_s).all():
-        raise InputError("--fps: the recording has no device time; give its rate_hz in a mapping")
-    still = np.flatnonzero(np.diff(time_s) <= 0)
-    if len(still):
-        raise InputError(
-            f"--fps: device time does not grow from frame {motion.frame[still[0]]} to the next; it must, to "
-            "be resampled"
-        )
+    require_times(motion, time_s, "--fps", "resampling")
     if len(time_s) < 2:
         return replace(motion, rate_hz=fps)
     if (count := _count(time_s, fps)) > FILLED_FRAMES:

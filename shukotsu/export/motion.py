@@ -374,21 +374,23 @@ def require_rate(motion: PosedRecording, path: Path, name: str) -> None:
         )
 
 
-def require_times(motion: PosedRecording, times: npt.NDArray[np.floating], path: Path, name: str) -> None:
+def require_times(
+    motion: PosedRecording, times: npt.NDArray[np.floating], where: Path | str, name: str
+) -> None:
     """Raise InputError where device times are missing or do not increase.
 
-    times : (T,) as the format stores them.
+    times : (T,) as the format stores them. where, name : a file and its format, or what else needs them.
     """
     if len(times) < 2:
         return
     if not np.isfinite(motion.time_s).all():
         raise InputError(
-            f"{path}: the recording has no device time, and {name} needs it; give its rate_hz in a mapping"
+            f"{where}: the recording has no device time, and {name} needs it; give its rate_hz in a mapping"
         )
     still = np.flatnonzero(~(np.diff(times) > 0))
     if len(still):
         raise InputError(
-            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in "
+            f"{where}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in "
             f"{name} it must; choose --frames that leave this out"
         )
 

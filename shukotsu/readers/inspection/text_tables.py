@@ -560,10 +560,8 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     parts = [part for part in blocks if part.rows]
     if not parts:
         return ["it has a header but no rows"]
-    frames, time_s = (
-        np.concatenate([part.wholes("frame") for part in parts]),
-        np.concatenate([part.times_s("time_s", "s") for part in parts]),
-    )
+    frames = np.concatenate([part.wholes("frame") for part in parts])
+    time_s = np.concatenate([part.times_s("time_s", "s") for part in parts])
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
     lines = [
         f"{count_of(len(frames), 'row')}, frames {frames.min()} to {frames.max()}, "
