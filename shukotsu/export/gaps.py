@@ -15,8 +15,8 @@ import numpy as np
 
 from shukotsu.errors import InputError, count_of
 from shukotsu.export.motion import continuous, require_times
-from shukotsu.hand.posing import Bools, Index, PosedRecording, known_points
-from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
+from shukotsu.hand.posing import Index, PosedRecording, known_points
+from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
 
 FILLED_FRAMES = 100_000
 """Largest number of frames that are filled in: seven minutes at 240 Hz."""
@@ -103,17 +103,9 @@ def slerp_rotations(first: Array, second: Array, share: Array) -> Array:
 
     At 0 and 1 exactly either end's, so that a NaN beside a sample does not spoil it; signs as of the first.
     """
-    cosine = np.sum(first * second, -1)
-    near = np.where(cosine[..., None] < 0, -second, second)
-    half = np.arctan2(np.linalg.norm(near - first, axis=-1), np.linalg.norm(near + first, axis=-1))
-    arc = 2 * half
-    sine = np.sin(arc)
-    close: Bools = sine < 1e-9
-    safe = np.where(close, 1.0, sine)
-    left = np.where(close, 1 - share, np.sin((1 - share) * arc) / safe)
-    right = np.where(close, share, np.sin(share * arc) / safe)
-    mixed = left[..., None] * first + right[..., None] * near
-    mixed = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    near = np.where(np.sum(first * second, -1, keepdims=True) < 0, -second, second)
+    turn = multiply(conjugate(first), near)
+    mixed = multiply(first, about_axis(unit(turn[..., 1:]), share * angle(turn)))
     part = share[..., None]
     return np.where(part <= 0, first, np.where(part >= 1, near, mixed))
 
