@@ -93,12 +93,10 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
         back = conjugate(bone)
         origin = rotate(back, position - bone_mm)[seen].mean(0)
         local = origin + rotate(mean_rotation(multiply(back, turn)[seen]), POINTS_MM)
-        squares = 0.0
-        for point, on_bone in zip(POINTS_MM, local, strict=True):
-            beyond = position + rotate(turn, point) - bone_mm - rotate(bone, on_bone)
-            squares += float(np.sum(beyond[seen] ** 2))
+        measured_mm = position[:, None] + rotate(turn[:, None], POINTS_MM)
+        beyond = (measured_mm - bone_mm[:, None] - rotate(bone[:, None], local))[seen]
         markers = tuple(f"{name}_{point}" for point in POINTS)
-        spread = float(np.sqrt(squares / (len(POINTS) * seen.sum())))
+        spread = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         placed.append(Triad(segment, form, markers, local, number, spread))
     return placed, lost
 
