@@ -22,7 +22,8 @@ from shukotsu.tables.whole_files import write_text
 T = TypeVar("T")
 Cell = str | float | int | None
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 _WIDTH = 110
 
 
@@ -108,8 +109,6 @@ def workers() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(2, mp_context=get_context("spawn"))
 
 
-ROOT = Path(__file__).resolve().parent.parent
-
 # A small process of its own: Linux counts the memory of a parent that forks as the child's.
 _LAUNCHER = """
 import resource, subprocess, sys, time
@@ -133,13 +132,13 @@ class Usage:
     output: str
 
 
-def run_process(command: Sequence[str], folder: Path = ROOT, **environment: str) -> Usage:
-    """Run a command in a folder, with this project importable and one thread; RuntimeError where it fails."""
-    paths = os.pathsep.join(filter(None, [environment.pop("PYTHONPATH", ""), str(ROOT)]))
+def run_python(*arguments: str, folder: Path = ROOT, **environment: str) -> Usage:
+    """Run this Python, with this project importable and one thread; RuntimeError where it fails."""
+    command = [sys.executable, *arguments]
     launched = subprocess.run(
         [sys.executable, "-c", _LAUNCHER, *command],
         cwd=folder,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": paths} | environment,
+        env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)} | environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -152,6 +151,7 @@ def run_process(command: Sequence[str], folder: Path = ROOT, **environment: str)
     return Usage(float(seconds), float(processor_s), float(memory_mb), output)
 
 
-def run_python(*arguments: str, folder: Path = ROOT) -> Usage:
-    """Run this Python with arguments, in the project's folder or another; RuntimeError where it fails."""
-    return run_process([sys.executable, *arguments], folder)
+def run_study(folder: Path, cores: int, *options: str, **environment: str) -> Usage:
+    """Run the folder's study.yaml by Snakemake; RuntimeError where it fails."""
+    words = [f"--snakefile={ROOT / 'Snakefile'}", f"--cores={cores}", f"--configfile={folder / 'study.yaml'}"]
+    return run_python("-m", "snakemake", *words, *options, folder=folder, **environment)

@@ -1,11 +1,10 @@
-"""Cost of whole studies and their stages, of a change to a study, and of fitting, posing and judging a hand."""
+"""Cost of studies and their stages, of a change to a study, and of fitting, posing and judging a hand."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import re
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -16,7 +15,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, Usage, run_process, run_python
+from benchmarks.benchmark_table import Cell, PrintedTable, Usage, run_python, run_study
 from benchmarks.measured_jobs import KINDS, measured_jobs
 from shukotsu import job
 from shukotsu.fit.fingertips import fingertips
@@ -59,11 +58,11 @@ def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5
         for count in subjects:
             folder, jobs = Path(name, f"study-{count}"), list[dict[str, Any]]()
             with measured_jobs(jobs) as address:
-                usage = run_study(folder, simulated, count, models, **{job.ADDRESS: address})
+                usage = run_copies(folder, simulated, count, models, **{job.ADDRESS: address})
             rows.append(_row(f"{count} subjects, cold", usage))
             yield stage_table(f"{count} subjects", folder, jobs, usage)
-        rows.append(_row("then nothing changed", run_study(folder, simulated, count, models)))
-        rows.append(_row("then a subject more", run_study(folder, simulated, count + 1, models)))
+        rows.append(_row("then nothing changed", run_copies(folder, simulated, count, models)))
+        rows.append(_row("then a subject more", run_copies(folder, simulated, count + 1, models)))
     yield PrintedTable(
         f"studies: {len(models.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
@@ -120,7 +119,7 @@ def _recordings() -> Iterator[tuple[str, str]]:
     return ((hand, task) for hand in ("right", "left") for task in ROLES)
 
 
-def run_study(folder: Path, simulated: Path, subjects: int, models: str, **environment: str) -> Usage:
+def run_copies(folder: Path, simulated: Path, subjects: int, models: str, **environment: str) -> Usage:
     """Write a study of so many subjects, recordings linked from those that are simulated, and run it."""
     sheet = ["subject\thand\ttask\trole\tfile"]
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
@@ -133,8 +132,7 @@ def run_study(folder: Path, simulated: Path, subjects: int, models: str, **envir
     (folder / "recordings.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{models}]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
-    command = [sys.executable, "-m", "snakemake", f"--snakefile={ROOT / 'Snakefile'}", f"--cores={CORES}"]
-    return run_process([*command, "--configfile", str(folder / "study.yaml")], folder, **environment)
+    return run_study(folder, CORES, **environment)
 
 
 def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
@@ -142,8 +140,9 @@ def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
     return name, int(jobs[1]) if jobs else 0, usage.seconds, usage.processor_s, usage.memory_mb
 
 
-def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> PrintedTable:
-    """Return what a hand takes; frames : of the calibration and of the task that is posed."""
+def hand_table(rounds: int) -> PrintedTable:
+    """Return what a hand takes."""
+    frames = 6000, 4000  # of the calibration and of the task that is posed
     calibration, task = (
         simulate("01", "right", name, 1, Realism(), n).poses() for name, n in zip(ROLES, frames, strict=True)
     )

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks import pianist
-from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, run_python, workers
+from benchmarks.benchmark_table import Cell, PrintedTable, run_study, workers
 from benchmarks.pianist import Struck
 from shukotsu.arrays import Array
 from shukotsu.hand.study_frames import read
@@ -42,15 +42,9 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         truth = write_study(folder, people, seed)
-        command = ["-m", "snakemake", f"--snakefile={ROOT / 'Snakefile'}", f"--directory={name}", "--cores=2"]
-        study = f"--configfile={folder / 'study.yaml'}"
-        run_python(*command, study, "--until", "measure_movement", folder=folder)
-        strokes = pd.concat(
-            [
-                read(folder / "results" / "study" / f"sub-{subject}" / "event_strokes.parquet")
-                for subject in truth
-            ]
-        )
+        run_study(folder, 2, "--until", "measure_movement")
+        results = folder / "results" / "study"
+        strokes = pd.concat([read(results / f"sub-{subject}" / "event_strokes.parquet") for subject in truth])
     yield PrintedTable(
         "keystrokes",
         (
@@ -68,9 +62,8 @@ def write_study(folder: Path, people: int, seed: int) -> dict[str, Strokes]:
     """Write recordings, sheets and study file; give what was struck, by subject."""
     subjects = [f"{number:02}" for number in range(people)]
     with workers() as pool:
-        truth = dict(
-            zip(subjects, pool.map(partial(_record_person, folder, seed), range(people)), strict=True)
-        )
+        played = pool.map(partial(_record_person, folder, seed), range(people))
+        truth = dict(zip(subjects, played, strict=True))
     sheet, events = ["subject\thand\ttask\trole\tfile"], ["subject\thand\ttask\tonset_s\tduration_s\tname"]
     for number, subject in enumerate(subjects):
         who = f"{subject}\t{_side(number)}"

@@ -343,16 +343,12 @@ def _alarm_table(alarms: Sequence[Alarm]) -> PrintedTable:
     for drawing, name, kinds in alarms:
         groups.setdefault((drawing, name), []).append(kinds)
         groups.setdefault((drawing, "all"), []).append(kinds)
-    rows: list[tuple[Cell, ...]] = [
-        (drawing, name, len(of_hands), sum(map(bool, of_hands)), _count_alarms(of_hands))
-        for (drawing, name), of_hands in sorted(groups.items())
-    ]
+    rows: list[tuple[Cell, ...]] = []
+    for (drawing, name), of_hands in sorted(groups.items()):
+        counts = sorted(Counter(kind for kinds in of_hands for kind in kinds).items())
+        named = ", ".join(f"{kind} {count}" for kind, count in counts)
+        rows.append((drawing, name, len(of_hands), sum(map(bool, of_hands)), named))
     columns = ("drawing", "hand", "recordings:d", "accused:d", "kinds")
     share = 1000 * float(np.mean([bool(kinds) for _, _, kinds in alarms]))
     meaning = f"Of 1000 recordings of hands without a fault {share:.1f} are called suspect."
     return PrintedTable("False alarms", columns, rows, meaning)
-
-
-def _count_alarms(alarms: Sequence[tuple[str, ...]]) -> str:
-    kinds = Counter(kind for kinds in alarms for kind in kinds)
-    return ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items()))

@@ -104,10 +104,8 @@ def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
     hands = [
         hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
     ]
-    joints, lengths = (
-        [error for errors, _ in hands for error in errors],
-        [error for _, errors in hands for error in errors],
-    )
+    joints = [error for errors, _ in hands for error in errors]
+    lengths = [error for _, errors in hands for error in errors]
     yield errors_table(joints, lengths)
     yield kinds_table(joints)
 

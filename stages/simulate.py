@@ -82,7 +82,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
     check_ending(arguments.out)
     options = {name: getattr(arguments, name) for name in REALISM_OPTIONS}
     options = {name: value for name, value in options.items() if value is not None}
-    realism = replace(Realism.exact() if arguments.realism == "exact" else Realism.full(), **options)
+    realism = replace(Realism.exact() if arguments.realism == "exact" else Realism(), **options)
     simulated = simulate(
         arguments.subject,
         arguments.hand,

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "shukotsu"
@@ -28,3 +32,20 @@ def program_files(suffix: str = "") -> Iterator[Path]:
             yield from package_files(path, suffix)
         elif path.name.endswith(suffix):
             yield path
+
+
+def started(code: str, **how: Any) -> subprocess.Popen[str]:
+    """Start code that has the program to import, and wait until it has printed 1."""
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
+    pipes = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, "-c", code], env=environment, text=True, **pipes, **how)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "1\n"
+    return process
+
+
+def printed_by(*words: object, **how: Any) -> str:
+    """Run a program to its end; return what it prints."""
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, timeout=600, check=False, **how)
+    assert done.returncode == 0, done.stderr
+    return done.stdout

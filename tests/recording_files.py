@@ -20,6 +20,8 @@ from shukotsu.study.mapping import mapping_from_config
 
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
+WHO = ("--layout=liberty16", "--subject=01", "--hand=right", "--task=rom")
+"""Words of the command `import` that say of whom a recording is."""
 
 
 def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:

@@ -17,12 +17,11 @@ import pyarrow.parquet as pq
 from pyarrow import csv
 from recording_files import write_c3d
 from simulated_poses import write_poses
-from tracker_streams import pose
+from tracker_streams import pose, settings
 
 from shukotsu.hand.rotations import matrix
 from shukotsu.simulate.recording import tidy
 from shukotsu.tables.poses import Poses
-from shukotsu.tracker.families import StreamSettings
 
 RATE_HZ = 240.0
 
@@ -56,12 +55,11 @@ def records_of(folder: Path, pulses_s: npt.NDArray[np.float64], length_s: float 
 def flags_of(path: Path, rows: Sequence[tuple[int, int, int, int]]) -> Path:
     """Write a raw capture of records that are sent when measured; rows : frame, station, sync and button."""
     items, stations = (9, 12, 10, 3, 7), tuple(sorted({station for _, station, _, _ in rows}))
-    settings = StreamSettings("liberty", "binary", "cm", RATE_HZ, stations, dict.fromkeys(stations, items))
     records = []
     for frame, station, sync, button in rows:
         body = struct.pack("<Iii7f", frame, sync, button, 20, 5, -3, 1, 0, 0, 0)
         records.append(b"LY" + struct.pack("<BBBBh", station, ord("C"), 0, 0, len(body)) + body)
-    return captures.write(path, records, settings)
+    return captures.write(path, records, settings("liberty", items, stations))
 
 
 def midi_of(folder: Path, pulses_s: npt.NDArray[np.float64]) -> Path:

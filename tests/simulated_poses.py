@@ -27,7 +27,7 @@ def recorded(
     **realism: float | bool,
 ) -> tuple[Simulated, Poses]:
     """One hand's recording, with everything that disturbs one but for what `realism` names."""
-    disturbed = replace(Realism.full(), **realism)  # type: ignore[arg-type]
+    disturbed = replace(Realism(), **realism)  # type: ignore[arg-type]
     simulated = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
     return simulated, simulated.poses()
 

@@ -64,18 +64,16 @@ def check_recording(arguments: argparse.Namespace) -> int:
     if hand is None:
         raise InputError(f"{path}: --hand is missing; say which hand the recording is of, right or left")
     from shukotsu.checks.checked_subject import checked_poses  # late, as they take a second to import
-    from shukotsu.readers import import_recording
+    from shukotsu.readers.import_recording import import_for_the_moment
     from shukotsu.study.findings import EXIT_CODES, in_quotes
     from shukotsu.study.layout import read_layout
 
     with tempfile.TemporaryDirectory() as folder:
         poses = Path(folder, "poses.parquet")
-        who = [f"--in={path}", f"--layout={layout}", f"--hand={hand}", "--subject=-", "--task=-"]
-        who += [] if mapping is None else [f"--mapping={mapping}"]
-        who += ["--repair-hemisphere"] if arguments.repair_hemisphere else []
-        silent = ["--record-failure", f"--out={poses}"]  # leaves findings to the lines below
+        more = [] if mapping is None else [f"--mapping={mapping}"]
+        more += ["--repair-hemisphere"] if arguments.repair_hemisphere else []
         try:
-            import_recording.import_recording(import_recording.build_parser().parse_args([*who, *silent]))
+            import_for_the_moment(path, layout, hand, poses, *more)
         except InputError as error:
             raise _without_mapping(path, layout, error) if mapping is None else error from error
         worn = read_layout(layout)

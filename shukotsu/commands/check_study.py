@@ -60,16 +60,14 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
     read += [recording.mapping for recording in files.study.recordings if recording.mapping is not None]
     real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
     outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]
-    for parent, group in groupby(
-        sorted(outside, key=lambda each: (each.parent, each.name)), attrgetter("parent")
-    ):
-        files_there = list(group)
-        what, names = (
-            f"{count_of(len(files_there), 'file')} in {parent}",
-            ", ".join(each.name for each in files_there),
-        )
-        what, names = (what, f": {names}") if len(files_there) > 1 else (str(files_there[0]), "")
-        yield f"reads {what}, outside the study's folder{names}"
+    ordered = sorted(outside, key=lambda each: (each.parent, each.name))
+    for parent, group in groupby(ordered, attrgetter("parent")):
+        names = [each.name for each in group]
+        if len(names) == 1:
+            yield f"reads {parent / names[0]}, outside the study's folder"
+        else:
+            what = f"{count_of(len(names), 'file')} in {parent}"
+            yield f"reads {what}, outside the study's folder: {', '.join(names)}"
 
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:

@@ -83,19 +83,17 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
     from tempfile import TemporaryDirectory
 
     from shukotsu.checks.checked_subject import checked_poses
-    from shukotsu.readers.import_recording import build_parser, import_recording
+    from shukotsu.readers.import_recording import import_for_the_moment
     from shukotsu.study.findings import in_quotes
     from shukotsu.study.layout import read_layout
 
     path, hand, layout = arguments.file, arguments.hand or "right", read_layout(arguments.layout)
     with TemporaryDirectory() as folder:
         if not _is_poses_table(path):
-            options = {"in": path, "layout": arguments.layout, "hand": hand, "out": Path(folder, "poses")}
-            argv = [f"--{name}={value}" for name, value in (options | {"subject": "-", "task": "-"}).items()]
-            path = options["out"]
+            path = Path(folder, "poses")
             try:
                 with redirect_stderr(io.StringIO()):
-                    import_recording(build_parser().parse_args(["--record-failure", *argv]))
+                    import_for_the_moment(arguments.file, arguments.layout, hand, path)
             except InputError as error:
                 return [f"import refuses it: {error}"]
         findings = checked_poses(path, layout).findings

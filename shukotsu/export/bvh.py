@@ -21,32 +21,35 @@ from pathlib import Path
 
 import numpy as np
 
-from shukotsu.errors import InputError, count_of
+from shukotsu.errors import count_of
 from shukotsu.export.gaps import largest_time_error_s
+from shukotsu.export.kinematic_tree import turn_angles
 from shukotsu.export.motion import (
+    ALONE_HZ,
     MOVES_MM,
-    continuous_angles,
     facts_text,
     local_motion,
+    require_rate,
     require_whole,
     rest_pose,
 )
 from shukotsu.export.registry import FORMATS
 from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.hand.rotations import Array, conjugate, matrix, multiply
+from shukotsu.hand.rotations import Array, conjugate, multiply
 from shukotsu.tables.whole_files import replacing, write_text
 
 ANGLE_DECIMALS = 7
 LENGTH_DECIMALS = 7
 CM_PER_MM = 0.1
-ALONE_S = 1 / 60
-"""Frame Time of a file of one frame, whose rate is unknown."""
 
 AT_REST = "_rest"
 """End of the name of the joint that holds the OFFSET of a moving one."""
 
 _PLACES, _TURNS = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
+TURN_AXES = np.eye(3)[::-1]
+"""Axes of these rotations, each carried by those before it."""
+
 _TEXT_FRAMES = 1024
 _NOTABLE_S = 5e-4
 
@@ -57,11 +60,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     Raises InputError where a pose is missing, there is no frame, or several frames have no known rate.
     """
     require_whole(motion, path, "BVH")
-    seconds = 1.0 / motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_S
-    if len(motion.frame) > 1 and not np.isfinite(motion.rate_hz):
-        raise InputError(
-            f"{path}: the recording has no device time, and BVH needs a rate; give rate_hz in a mapping"
-        )
+    require_rate(motion, path, "BVH")
+    seconds = 1.0 / (motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_HZ)
     rest_mm, rest_turn = rest_pose(motion)
     offset_mm = rest_mm.copy()
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
@@ -87,7 +87,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
             channels.append(beyond)
             formats += [f"%.{LENGTH_DECIMALS}f"] * 3
         if moves[index] or not _is_end(motion, index):
-            channels.append(euler_zyx_deg(local[:, index]))
+            channels.append(np.degrees(turn_angles(local[:, index], TURN_AXES)))
             formats += [f"%.{ANGLE_DECIMALS}f"] * 3
     numbers, pattern = np.concatenate(channels, 1), " ".join(formats) + "\n"
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
@@ -100,22 +100,6 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     facts = facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
     write_text(path.with_name(f"{path.name}.txt"), facts)
     return dropped
-
-
-def euler_zyx_deg(quaternion: Array) -> Array:
-    """Angles (T, ..., 3) about z, y, x in degrees of rotations (T, ..., 4), R = Rz Ry Rx.
-
-    Continuous over time; the first frame has y within [-90, 90]. At 90 deg, where z and x are not separable,
-    x takes the remainder after z.
-    """
-    m = matrix(quaternion)
-    z = np.arctan2(m[..., 1, 0], m[..., 0, 0])
-    y = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
-    x = np.arctan2(
-        np.sin(z) * m[..., 0, 2] - np.cos(z) * m[..., 1, 2],
-        np.cos(z) * m[..., 1, 1] - np.sin(z) * m[..., 0, 1],
-    )
-    return np.degrees(continuous_angles(np.stack([z, y, x], -1)))
 
 
 def _is_end(motion: PosedRecording, index: int) -> bool:

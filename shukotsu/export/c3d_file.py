@@ -16,7 +16,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import facts_text, with_seen_receivers
+from shukotsu.export.motion import ALONE_HZ, facts_text, require_rate, with_seen_receivers
 from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import matrix
@@ -28,9 +28,6 @@ ARM_MM = 20.0
 
 LONGEST_LABEL = 127
 """Longest label, also for readers that take the length byte as signed."""
-
-ALONE_HZ = 60.0
-"""Rate of a file of one frame, for which none is known."""
 
 MOST_FRAMES = 65534
 """Largest count in the header's 16 bits; it stands for any larger one as well."""
@@ -159,10 +156,7 @@ def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
     frames, time_s = motion.frame, motion.time_s
     if len(frames) == 1:
         return np.zeros(1, np.int64), ALONE_HZ, 0.0
-    if not np.isfinite(motion.rate_hz):
-        raise InputError(
-            f"{path}: the recording has no device time, and C3D needs a rate; give rate_hz in a mapping"
-        )
+    require_rate(motion, path, "C3D")
     step = np.diff(frames)
     steps = step // max(1, int(np.median(step)))
     timed = np.isfinite(time_s).all()

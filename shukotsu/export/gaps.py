@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.arrays import Array, Bools, Index
+from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import continuous
+from shukotsu.export.motion import continuous, require_times
 from shukotsu.hand.posing import PosedRecording, known_points
-from shukotsu.hand.rotations import conjugate, multiply, rotate
+from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, rotate, unit
 
 FILLED_FRAMES = 100_000
 """Largest number of frames that are filled in: seven minutes at 240 Hz."""
@@ -36,14 +36,7 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     these would be more than FILLED_FRAMES.
     """
     time_s = motion.time_s
-    if not np.isfinite(time_s).all():
-        raise InputError("--fps: the recording has no device time; give its rate_hz in a mapping")
-    still = np.flatnonzero(np.diff(time_s) <= 0)
-    if len(still):
-        raise InputError(
-            f"--fps: device time does not grow from frame {motion.frame[still[0]]} to the next; it must, to "
-            "be resampled"
-        )
+    require_times(motion, time_s, "--fps", "resampling")
     if len(time_s) < 2:
         return replace(motion, rate_hz=fps)
     if (count := _count(time_s, fps)) > FILLED_FRAMES:
@@ -111,17 +104,9 @@ def slerp_rotations(first: Array, second: Array, share: Array) -> Array:
 
     At 0 and 1 exactly either end's, so that a NaN beside a sample does not spoil it; signs as of the first.
     """
-    cosine = np.sum(first * second, -1)
-    near = np.where(cosine[..., None] < 0, -second, second)
-    half = np.arctan2(np.linalg.norm(near - first, axis=-1), np.linalg.norm(near + first, axis=-1))
-    arc = 2 * half
-    sine = np.sin(arc)
-    close: Bools = sine < 1e-9
-    safe = np.where(close, 1.0, sine)
-    left = np.where(close, 1 - share, np.sin((1 - share) * arc) / safe)
-    right = np.where(close, share, np.sin(share * arc) / safe)
-    mixed = left[..., None] * first + right[..., None] * near
-    mixed = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    near = np.where(np.sum(first * second, -1, keepdims=True) < 0, -second, second)
+    turn = multiply(conjugate(first), near)
+    mixed = multiply(first, about_axis(unit(turn[..., 1:]), share * angle(turn)))
     part = share[..., None]
     return np.where(part <= 0, first, np.where(part >= 1, near, mixed))
 

@@ -17,6 +17,7 @@ Arrays become accessors of one binary chunk, the rest is JSON (glTF 2.0, section
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 from collections.abc import Iterator
@@ -43,6 +44,7 @@ _RADIUS = 0.2
 """Radius of a bone relative to its length, and its limit relative to the skeleton's usual length."""
 _BALL = 0.19
 _NAIL = np.array([0.13, 0.03, 0.19])
+_BOX = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _SHORTEST_MM = 1.0
 
 
@@ -107,15 +109,14 @@ def _solids(motion: PosedRecording) -> Iterator[_Solid]:
         yield _Solid(index, False, ball * _BALL * usual, ball, ball_triangle)
         if length[index] > _SHORTEST_MM:
             radius = _RADIUS * min(float(length[index]), usual)
-            yield _Solid(joint.parent, False, *_flat(*_taper(motion.rest_offset_mm[index], radius)))
+            yield _Solid(joint.parent, False, *_flat(_taper(motion.rest_offset_mm[index], radius)))
         if joint.tip and np.isfinite(motion.neutral[joint.parent]).all():
-            corners, faces = _box(_NAIL * usual)
-            onto = np.array([0.0, 0.85 * _BALL * usual, 0.6 * _NAIL[2] * usual])
-            yield _Solid(index, True, *_flat(corners + onto, faces))
+            onto = np.array([0.0, 0.85 * _BALL, 0.6 * _NAIL[2]])
+            yield _Solid(index, True, *_flat(usual * (_NAIL * _BOX + onto)))
 
 
-def _taper(along_mm: Array, radius_mm: float) -> tuple[Array, Index]:
-    """Corners (V, 3) and faces (F, 3) of a solid from the origin to a point, thickest near the origin."""
+def _taper(along_mm: Array, radius_mm: float) -> Array:
+    """Corners (V, 3) of a solid from the origin to a point, thickest near the origin."""
     direction = unit(along_mm)
     # any two axes across it; the second helper stands in where the first is along the bone
     helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
@@ -124,30 +125,12 @@ def _taper(along_mm: Array, radius_mm: float) -> tuple[Array, Index]:
     angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
     circle = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * up
     rings = [along_mm * share + circle * radius_mm * width for share, width in _RINGS]
-    corners = np.concatenate([np.zeros((1, 3)), *rings, along_mm[None]])
-    corner = np.arange(_SIDES)
-    next_corner = (corner + 1) % _SIDES
-    last = np.full(_SIDES, len(corners) - 1)
-    near, far = 1 + corner, 1 + _SIDES + corner
-    near_next, far_next = 1 + next_corner, 1 + _SIDES + next_corner
-    faces = [
-        (np.zeros(_SIDES, np.int64), near_next, near),
-        (near, near_next, far_next),
-        (near, far_next, far),
-        (far, far_next, last),
-    ]
-    return corners, np.concatenate([np.stack(face, -1) for face in faces])
+    return np.concatenate([np.zeros((1, 3)), *rings, along_mm[None]])
 
 
-def _box(half_mm: Array) -> tuple[Array, Index]:
-    """Corners (8, 3) and faces (12, 3) of a box about the origin."""
-    signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return signs * half_mm, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int64)
-
-
-def _flat(corners: Array, faces: Index) -> tuple[Array, Array, Index]:
-    """Give every face three vertices of its own, so that edges look sharp."""
+def _flat(corners: Array) -> tuple[Array, Array, Index]:
+    """A convex solid whose faces have three vertices of their own, so that edges look sharp."""
+    faces = _faces(corners)
     position = corners[faces]
     normal = unit(np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0]))
     triangle = np.arange(3 * len(faces), dtype=np.int64).reshape(-1, 3)
@@ -156,8 +139,6 @@ def _flat(corners: Array, faces: Index) -> tuple[Array, Array, Index]:
 
 def _sphere() -> tuple[Array, Index]:
     """Vertices (42, 3), which are also normals, and faces (80, 3) of an icosahedron divided once."""
-    from scipy.spatial import ConvexHull
-
     golden = (1 + np.sqrt(5)) / 2
     corners = [
         np.roll(np.array([0.0, a, b * golden]), turn) for turn in range(3) for a in (-1, 1) for b in (-1, 1)
@@ -165,11 +146,21 @@ def _sphere() -> tuple[Array, Index]:
     points = unit(np.stack(corners))
     first, second = np.nonzero(np.triu(points @ points.T > 0.4, 1))
     points = np.concatenate([points, unit(points[first] + points[second])])
-    faces = np.sort(ConvexHull(points).simplices.astype(np.int64), axis=1)
-    faces = faces[np.lexsort(faces.T)]
-    inward = np.linalg.det(points[faces]) < 0
+    return points, _faces(points)
+
+
+def _faces(corners: Array) -> Index:
+    """Triangles (F, 3) of the convex solid with these corners (V, 3), anticlockwise as seen from outside."""
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(corners)
+    faces = np.sort(hull.simplices.astype(np.int64), axis=1)
+    order = np.lexsort(faces.T)
+    faces, outward = faces[order], hull.equations[order, :3]
+    a, b, c = corners[faces].swapaxes(0, 1)
+    inward = np.sum(np.cross(b - a, c - a) * outward, -1) < 0
     faces[inward] = faces[inward][:, ::-1]
-    return points, faces
+    return faces
 
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963

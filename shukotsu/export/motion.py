@@ -86,6 +86,9 @@ BLOCK_FRAMES = 4096
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
 
+ALONE_HZ = 60.0
+"""Rate in a file of one frame, for which none is known, where the format cannot do without."""
+
 MOST_FRAMES = 100_000
 """Most frames of an export, seven minutes at 240 Hz: within 2 GB of memory."""
 
@@ -364,21 +367,31 @@ def require_whole(motion: PosedRecording, path: Path, name: str) -> None:
         )
 
 
-def require_times(motion: PosedRecording, times: npt.NDArray[np.floating], path: Path, name: str) -> None:
+def require_rate(motion: PosedRecording, path: Path, name: str) -> None:
+    """Raise InputError where the rate of several frames is not known; name : of the format."""
+    if len(motion.frame) > 1 and not isfinite(motion.rate_hz):
+        raise InputError(
+            f"{path}: the recording has no device time, and {name} needs a rate; give rate_hz in a mapping"
+        )
+
+
+def require_times(
+    motion: PosedRecording, times: npt.NDArray[np.floating], where: Path | str, name: str
+) -> None:
     """Raise InputError where device times are missing or do not increase.
 
-    times : (T,) as the format stores them.
+    times : (T,) as the format stores them. where, name : a file and its format, or what else needs them.
     """
     if len(times) < 2:
         return
     if not np.isfinite(motion.time_s).all():
         raise InputError(
-            f"{path}: the recording has no device time, and {name} needs it; give its rate_hz in a mapping"
+            f"{where}: the recording has no device time, and {name} needs it; give its rate_hz in a mapping"
         )
     still = np.flatnonzero(~(np.diff(times) > 0))
     if len(still):
         raise InputError(
-            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in "
+            f"{where}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in "
             f"{name} it must; choose --frames that leave this out"
         )
 
@@ -421,7 +434,7 @@ def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = (
     }
 
 
-def facts_text(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = ()) -> str:
+def facts_text(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str]) -> str:
     """Return the facts as lines of text, for formats that have no place for them."""
     lines = []
     for key, value in facts(motion, unit, up, dropped).items():

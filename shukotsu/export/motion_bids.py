@@ -22,7 +22,16 @@ import pyarrow.csv as pa_csv
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
-from shukotsu.export.motion import BONE_FRAME, RECEIVER_TIP, SKIN_TIP, blocks, facts, with_seen_receivers
+from shukotsu.export.motion import (
+    ALONE_HZ,
+    BONE_FRAME,
+    RECEIVER_TIP,
+    SKIN_TIP,
+    blocks,
+    facts,
+    require_rate,
+    with_seen_receivers,
+)
 from shukotsu.export.tidy_csv import bone_angles_deg
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.resources import PROGRAM, VERSION
@@ -37,8 +46,6 @@ BEFORE_DESCRIPTION = ("README", PARTICIPANTS, "participants.json")
 EXTRA_KEY = "Shukotsu"
 """Key of motion.json for facts that BIDS has no key for."""
 TYPES = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
-ALONE_HZ = 60.0
-"""SamplingFrequency of a single frame, for which none is known: the validator rejects n/a."""
 UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber", "InstitutionName",
            "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription")  # fmt: skip
 """Keys of motion.json that BIDS recommends but no table has."""
@@ -104,10 +111,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """
     if not len(motion.frame):
         raise InputError(f"{path}: Motion-BIDS holds no recording without a frame; widen --frames")
-    if len(motion.frame) > 1 and not np.isfinite(motion.rate_hz):
-        raise InputError(
-            f"{path}: the recording has no device time and BIDS needs a rate; give rate_hz in a mapping"
-        )
+    require_rate(motion, path, "BIDS")
     motion, unseen = with_seen_receivers(motion)
     add_participant(path.parent, motion.origin.recording.subject, motion.origin.licence)
     all_facts = facts(motion, "m", "")
@@ -181,7 +185,7 @@ def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
     """Return SamplingFrequency and what follows from the times (T,), NaN where unknown; one frame may have no
     rate.
     """
-    if not np.isfinite(rate_hz):
+    if not np.isfinite(rate_hz):  # the validator rejects n/a
         return {"SamplingFrequency": ALONE_HZ}
     rate_hz, timed = round(rate_hz, 6), time_s[np.isfinite(time_s)]
     span_s = float(timed[-1] - timed[0]) if len(timed) else 0.0

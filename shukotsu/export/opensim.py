@@ -38,7 +38,7 @@ from shukotsu.export.kinematic_tree import (
     joint_forms,
     shortest_turn,
 )
-from shukotsu.export.motion import BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
+from shukotsu.export.motion import ALONE_HZ, BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import conjugate, matrix, mean_rotation, multiply, rotate
@@ -94,12 +94,10 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
         back = conjugate(bone)
         origin = rotate(back, position - bone_mm)[seen].mean(0)
         local = origin + rotate(mean_rotation(multiply(back, turn)[seen]), POINTS_MM)
-        squares = 0.0
-        for point, on_bone in zip(POINTS_MM, local, strict=True):
-            beyond = position + rotate(turn, point) - bone_mm - rotate(bone, on_bone)
-            squares += float(np.sum(beyond[seen] ** 2))
+        measured_mm = position[:, None] + rotate(turn[:, None], POINTS_MM)
+        beyond = (measured_mm - bone_mm[:, None] - rotate(bone[:, None], local))[seen]
         markers = tuple(f"{name}_{point}" for point in POINTS)
-        spread = float(np.sqrt(squares / (len(POINTS) * seen.sum())))
+        spread = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         placed.append(Triad(segment, form, markers, local, number, spread))
     return placed, lost
 
@@ -278,9 +276,6 @@ def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> No
     properties = {"socket_parent_frame": f"/bodyset/{body}", "location": metres(place_mm)}
     add(parent, "Marker", name, **properties, fixed="true")
 
-
-ALONE_HZ = 60.0
-"""Rate in the header of a file of one frame, for which none is known."""
 
 _ANGLE_DECIMALS = 9
 _METRE_DECIMALS = 12

@@ -15,6 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from shukotsu.errors import InputError
 from shukotsu.study.config_files import read_constants
 
 if TYPE_CHECKING:
@@ -107,7 +108,6 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
     up : y or z, the axis of the file that points up, empty for the transmitter's own frame. Still in mm.
     Raises InputError as the parts do.
     """
-    from shukotsu.errors import InputError
     from shukotsu.export.gaps import close_gaps, resample_evenly
     from shukotsu.export.motion import stiffen, with_unmeasured_at_rest
     from shukotsu.export.rigging import on_rig
@@ -196,8 +196,6 @@ DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n
 
 def chosen_formats(names_list: str) -> list[str]:
     """Return the formats of a comma-separated list; InputError where one is unknown or repeated."""
-    from shukotsu.errors import InputError
-
     names = [name.strip() for name in names_list.split(",") if name.strip()]
     if twice := [name for name in FORMATS if names.count(name) > 1]:
         raise InputError(f"--formats: {twice[0]} is there twice; name each once")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.hand.recorded_movement import AngleSeries
 from shukotsu.arrays import Array
+from shukotsu.hand.recorded_movement import AngleSeries
 from shukotsu.movement.events import Cycle
 from shukotsu.movement.sampling import Grid
 

@@ -18,11 +18,9 @@ from shukotsu.arrays import Array, Integers
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import matrix, unit
-from shukotsu.readers.jumps import OwnSides
+from shukotsu.readers.jumps import OwnSides, solve_centres
 from shukotsu.study.layout import Layout
 
-LEVER_MM = 200.0
-"""Distance of a joint's centre from a receiver at which to be so far costs as much as 1 mm of gap."""
 LONGEST_LEVER_MM = 600.0
 SAMPLED, TRIED, FRAMES_A_TRIAL = 300, 80, 4
 """Frames by which a centre is judged, centres that are tried, and frames that each is computed from."""
@@ -242,7 +240,7 @@ class _Link:
         for _ in range(8):
             root = np.sqrt(weight)[:, None]
             turn, apart = self.turn * root[..., None], self.apart[:, 0] * root
-            centre = _solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0]
+            centre = solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0]
             gap_mm = self.gaps_mm(centre)[:, 0]
             usual_mm = float(np.median(gap_mm))
             weight = 1 / (1 + np.square(gap_mm / max(2 * usual_mm, 1e-6)))
@@ -269,7 +267,7 @@ class _Link:
             rows, chosen = np.arange(len(gaps_mm)), gaps_mm.argmin(1)
             closes = gaps_mm[rows, chosen] < LARGEST_GAP_MM
             apart = few.apart[rows, chosen][closes].reshape(1, -1)
-            best = np.asarray(_solve_centres(few.turn[closes].reshape(-1, 6), apart)[0])
+            best = np.asarray(solve_centres(few.turn[closes].reshape(-1, 6), apart)[0])
         return best
 
     def _trial(self, rows: Integers) -> Array:
@@ -277,14 +275,8 @@ class _Link:
         choices = np.indices((self.apart.shape[1],) * len(rows)).reshape(len(rows), -1)
         apart = self.apart[rows[:, None], choices].swapaxes(0, 1).reshape(choices.shape[1], -1)
         turn = self.turn[rows].reshape(-1, 6)
-        centres = _solve_centres(turn, apart)
+        centres = solve_centres(turn, apart)
         gap_mm = np.sqrt(np.square(centres @ turn.T - apart).mean(1) * 3)
         near = np.linalg.norm(centres.reshape(-1, 2, 3), axis=-1).max(1) < LONGEST_LEVER_MM
         good = np.flatnonzero(near & (gap_mm < LARGEST_GAP_MM))
         return centres[good[np.argsort(gap_mm[good])[:8]]]
-
-
-def _solve_centres(turn: Array, apart: Array) -> Array:
-    """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N); see LEVER_MM."""
-    normal = turn.T @ turn + len(turn) / 3 / LEVER_MM**2 * np.eye(6)
-    return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)

@@ -108,6 +108,13 @@ def import_recording(arguments: argparse.Namespace) -> None:
         write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
+def import_for_the_moment(file: Path, layout: str, hand: str, out: Path, *more: str) -> None:
+    """Import a recording of whomever, to look at its poses; more : options. InputError as in any import."""
+    which = [f"--in={file}", f"--layout={layout}", f"--hand={hand}", f"--out={out}"]
+    silent = [*which, "--subject=-", "--task=-", "--record-failure"]  # leaves findings to who asks
+    import_recording(build_parser().parse_args([*silent, *more]))
+
+
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write the table without rows and the reason, the recording named without its folder."""
     from shukotsu.tables.catalogue import POSES

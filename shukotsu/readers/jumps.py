@@ -176,6 +176,8 @@ LEAP_MM, LEAP_SHARE, LEAP_POSES, TURN_DEG = 15.0, 0.25, 12, 45.0
 SAMPLED, MOMENTS, FEWEST = 400, 60, 8
 """Frames by which a joint is judged, moments that are tried, and frames that either side has."""
 LEVER_MM, LEAST_GAP_MM = 200.0, 0.5
+"""Distance of a joint's centre from a receiver at which to be so far costs as much as 1 mm of gap; gaps below
+the least are alike."""
 PUT_ON = 0.1
 """Share of a recording, at its beginning, in which a receiver may not have been put on yet."""
 EVERY = 0.8
@@ -402,11 +404,17 @@ def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[
             yield int(row) + 1, end
 
 
+def solve_centres(turn: Array, apart: Array) -> Array:
+    """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N), held near the receivers
+    where the motion leaves them open; see LEVER_MM.
+    """
+    normal = turn.T @ turn + len(turn) / 3 / LEVER_MM**2 * np.eye(6)
+    return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)
+
+
 def _centre(turn: Array, apart: Array) -> Array:
-    """The joint's centre (6,) in both receivers, held near them where the motion leaves it open."""
-    rows = turn.reshape(-1, 6)
-    normal = rows.T @ rows + len(turn) / LEVER_MM**2 * np.eye(6)
-    return np.asarray(np.linalg.solve(normal, rows.T @ apart.ravel()))
+    """The joint's centre (6,) in both receivers."""
+    return np.asarray(solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0])
 
 
 def _gap_mm(turn: Array, apart: Array, centre: Array) -> Array:

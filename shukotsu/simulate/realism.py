@@ -14,6 +14,8 @@ from shukotsu.hand.drawn_hands import BLEND
 class Realism:
     """Switches and scales of realism; each assumption of the paper can be kept or dropped independently.
 
+    By default everything that affects a real recording, except tracker faults.
+
     Attributes
     ----------
     mobile_palm : bool
@@ -52,11 +54,6 @@ class Realism:
     noise: float = 1.0
     field_distortion: float = 1.0
     faults: float = 0.0
-
-    @classmethod
-    def full(cls) -> Realism:
-        """Everything that affects a real recording, except tracker faults."""
-        return cls()
 
     @classmethod
     def exact(cls) -> Realism:

@@ -10,6 +10,7 @@ header).
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -148,16 +149,14 @@ class Setting:
 def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) -> list[Reply]:
     """Return all that is framed as an answer or record, also inside others."""
     replies = []
-    for tag in tags:
-        at = data.find(tag)
-        while at >= 0:
-            if at + HEADER_BYTES <= len(data):
-                station, command, error, reserved, size = struct.unpack_from("<4Bh", data, at + 2)
-                body = data[at + HEADER_BYTES : at + HEADER_BYTES + max(size, 0)]
-                if reserved == 0 and 0 <= size <= MAX_BODY_BYTES and len(body) == size:
-                    replies.append(Reply(at, station, command, 0 if error == 0x20 else error, body))
-            at = data.find(tag, at + 1)
-    return sorted(replies, key=lambda reply: reply.offset)
+    for tag in re.finditer(b"|".join(tags), data):
+        at = tag.start()
+        if at + HEADER_BYTES <= len(data):
+            station, command, error, reserved, size = struct.unpack_from("<4Bh", data, at + 2)
+            body = data[at + HEADER_BYTES : at + HEADER_BYTES + max(size, 0)]
+            if reserved == 0 and 0 <= size <= MAX_BODY_BYTES and len(body) == size:
+                replies.append(Reply(at, station, command, 0 if error == 0x20 else error, body))
+    return replies
 
 
 def answers(reply: Reply, setting: Setting, station: int) -> bool:

@@ -68,18 +68,14 @@ def gather_study(study: Study, results: Results) -> None:
     )
     for recording, finding in copies(of_recordings):
         problems.append(problem_row(STAGE, finding, **vars(recording.hand), task=recording.title))
+    said: list[tuple[str, str, str, str]] = []  # of sheets: rule, kind, severity, sentence
     if (sheet := study.sheets.get("corrections")) is not None:
         layout = read_layout(study.layout.absolute())
         texts = correction_problems(read_sheet(sheet, CORRECTIONS), sheet, study.hands, layout)
-        problems += [
-            problem_row("project_planes", finding_of_text("correction", REFUSED, text)) for text in texts
-        ]
-    problems += [
-        problem_row("plan", finding_of_text("sheet", REFUSED, text)) for text in unmatched_rows(study)
-    ]
-    problems += [
-        problem_row("plan", finding_of_text("sheet", NOTE, text)) for text in columns_handed_on(study)
-    ]
+        said += [("project_planes", "correction", REFUSED, text) for text in texts]
+    said += [("plan", "sheet", REFUSED, text) for text in unmatched_rows(study)]
+    said += [("plan", "sheet", NOTE, text) for text in columns_handed_on(study)]
+    problems += [problem_row(rule, finding_of_text(kind, how, text)) for rule, kind, how, text in said]
     for name in GATHERED_TABLES:
         rows = pa.concat_tables([subject.tables[name] for subject in of_subjects])
         files = [file for plan in plans for file in plan.files_of(name)]

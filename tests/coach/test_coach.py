@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from recording_files import LIBERTY, WHO
 from simulated_poses import recorded
 
 from benchmarks.faultless_hands import exchange_receivers
@@ -18,7 +19,6 @@ from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.coach.study import hand_alone
 from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.simulate.random_hand import FINGERS
-from shukotsu.study.layout import read_layout
 from shukotsu.study.verdict import BELIEVE, CARE
 from shukotsu.tables.poses import Poses, read_poses
 from shukotsu.tracker.archive import open_archive
@@ -152,12 +152,11 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
 
 
 def test_live_poses_equal_those_of_an_import(archive: Path, tmp_path: Path) -> None:
-    live = LivePoses(read_layout("liberty16"), archive)
+    live = LivePoses(LIBERTY, archive)
     parts = [poses for piece in open_archive(archive).pieces() if (poses := live.add(piece)) is not None]
     poses, table = concatenate_poses(parts), tmp_path / "poses.parquet"
-    who = ["--layout=liberty16", "--subject=03", "--hand=right", "--task=rom"]
-    assert capture(["import", f"--in={archive}", f"--out={table}", *who]) == 0
-    expected = read_poses(table, read_layout("liberty16").measured)
+    assert capture(["import", f"--in={archive}", f"--out={table}", *WHO]) == 0
+    expected = read_poses(table, LIBERTY.measured)
     assert live.ended
     np.testing.assert_array_equal(poses.frame, expected.frame)
     np.testing.assert_array_equal(poses.valid, expected.valid)

@@ -31,7 +31,7 @@ ROWS = (
 @pytest.fixture
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    write_recording(Path("rom.csv"), simulate("P1", "right", "rom", 3, Realism.full(), 360))
+    write_recording(Path("rom.csv"), simulate("P1", "right", "rom", 3, Realism(), 360))
     return write_study(tmp_path, *ROWS)
 
 
@@ -113,7 +113,7 @@ def test_the_exit_code_is_that_of_the_worst(study: Path, row: str, code: int) ->
 @pytest.fixture(scope="module")
 def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rom") / "rom.csv"
-    write_recording(path, simulate("P1", "right", "rom", 3, Realism.full(), 600))
+    write_recording(path, simulate("P1", "right", "rom", 3, Realism(), 600))
     return path
 
 

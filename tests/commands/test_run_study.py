@@ -9,11 +9,10 @@ from pathlib import Path
 
 import psutil
 import pytest
+from program_files import REPOSITORY, started
 
 from shukotsu.commands import run_study
 from shukotsu.workflow import one_run
-
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def test_nothing_of_the_persons_own_changes_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,14 +31,7 @@ def test_what_it_started_is_killed_with_it() -> None:
         "import sys; from shukotsu.commands.run_study import _run; "
         "_run([sys.executable, '-c', 'print(1, flush=True); input()'], None)"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"1\n"
+    with started(code) as process:
         (child,) = psutil.Process(process.pid).children()
         process.send_signal(signal.SIGKILL)
         process.wait()
@@ -65,23 +57,14 @@ def test_a_signal_ends_all_that_was_started(name: str, kill: Callable[[int, int]
         "import sys; from shukotsu import command_line; from shukotsu.commands.run_study import _run; "
         f"sys.exit(command_line.run_command(lambda: _run([sys.executable, '-c', {child!r}], None)))"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
-        start_new_session=True,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "1\n"
-    started = psutil.Process(process.pid).children(recursive=True)
+    process = started(code, stderr=subprocess.PIPE, start_new_session=True)
+    children = psutil.Process(process.pid).children(recursive=True)
     kill(process.pid, getattr(signal, name))
     status, how = ENDS[name]
     assert process.communicate(timeout=120)[1] == f"error: {how}; the same command goes on from there\n"
     assert process.returncode == status
-    assert len(started) == 2
-    assert not [each for each in started if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+    assert len(children) == 2
+    assert not [each for each in children if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
 
 
 @pytest.mark.parametrize("name", ENDS)

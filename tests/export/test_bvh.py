@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from moving_fingers import moving_fingers
+from program_files import printed_by
 from scipy.spatial.transform import Rotation
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.bvh import AT_REST, euler_zyx_deg, write
+from shukotsu.export.bvh import AT_REST, TURN_AXES, write
+from shukotsu.export.kinematic_tree import turn_angles
 from shukotsu.export.registry import ExportSettings, prepare, write_format
 
 
@@ -32,7 +33,7 @@ def test_angles_are_the_rotations_and_go_on_from_frame_to_frame(seed: int) -> No
     for step in steps:
         turns.append(turns[-1] * step)
     turn = Rotation.concatenate(turns)
-    angles = euler_zyx_deg(turn.as_quat(scalar_first=True)[:, None])[:, 0]
+    angles = np.degrees(turn_angles(turn.as_quat(scalar_first=True), TURN_AXES))
     back = Rotation.from_euler("ZYX", angles, degrees=True)
     assert np.degrees((turn.inv() * back).magnitude()).max() < 1e-9
     steep = np.abs(np.cos(np.radians(angles[:, 1]))) < 0.2
@@ -62,14 +63,12 @@ ExportTool = Callable[[str], Path]
 def read_with(program: str, export_tool: ExportTool, file: Path) -> Any:
     """Series of joints and of ends that a program has of a file, by their names."""
     if program == "blender":
-        words = [export_tool("blender/bin/python"), READERS / "read_with_blender.py", file, "0"]
-        done = subprocess.run(list(map(str, words)), check=True, capture_output=True, timeout=300)
-        content = json.loads(done.stdout)
+        python = export_tool("blender/bin/python")
+        content = json.loads(printed_by(python, READERS / "read_with_blender.py", file, "0"))
         return {kind: next(iter(content[kind].values())) for kind in ("joints", "ends")}
     modules = export_tool("node_modules/three").parents[1]
-    words = ["node", READERS / "read_with_three.mjs", modules]
     out = file.with_suffix(".json")
-    subprocess.run(list(map(str, [*words, file, out])), check=True, capture_output=True, timeout=300)
+    printed_by("node", READERS / "read_with_three.mjs", modules, file, out)
     return json.loads(out.read_text("utf-8"))
 
 

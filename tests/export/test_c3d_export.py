@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from moving_fingers import blanked, moving_fingers, timed
+from program_files import printed_by
 from simulated_hands import FITTED, SimulatedHand
 
 from shukotsu.errors import InputError
@@ -77,8 +77,7 @@ def test_another_reader_has_the_same_points(
     gap.position_mm[3, 4] = np.nan
     for motion in (gap, moving_fingers(20_000, rate_hz=240)):
         write(motion, tmp_path / "a.c3d")
-        words = [str(python), "-W", "ignore", "-c", code, str(tmp_path / "a.c3d"), str(tmp_path / "a.npz")]
-        subprocess.run(words, check=True, capture_output=True, timeout=120)
+        printed_by(python, "-W", "ignore", "-c", code, tmp_path / "a.c3d", tmp_path / "a.npz")
         content = np.load(tmp_path / "a.npz")
         expected = points_of(motion)
         seen = np.isfinite(expected).all(-1)

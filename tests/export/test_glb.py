@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ import numpy as np
 import pytest
 from guide_pages import blocks
 from moving_fingers import moving_fingers
+from program_files import printed_by
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.glb import bone_mesh, write
@@ -57,23 +57,17 @@ NEAR_M = 3e-7
 """Asked for is 1e-6."""
 
 
-def output_of(*words: str | Path) -> Any:
-    """Return what a program prints, which is JSON."""
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=600, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
 def read_in_node(export_tool: ExportTool, file: Path) -> Any:
     """Return what three.js has of a file, of which the validator of the Khronos Group has no word."""
     modules = export_tool("node_modules/three").parent
-    content = output_of("node", SCRIPTS / "read_glb.mjs", modules, file)
+    content = json.loads(printed_by("node", SCRIPTS / "read_glb.mjs", modules, file))
     assert content["messages"] == [], "errors, warnings, and no information either"
     return content
 
 
 def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
-    return output_of(export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
+    words = export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, rate_hz
+    return json.loads(printed_by(*words))
 
 
 def assert_joints(joints: Any, motion: PosedRecording, near_m: float, rows: slice = slice(None)) -> None:
@@ -158,9 +152,7 @@ def test_fbx_by_blender_has_every_joint(hand: SimulatedHand, tmp_path: Path, exp
     write(motion, glb)
     script = tmp_path / "fbx.py"
     script.write_text(blocks(GUIDE, "python")[0].text)
-    words = [str(export_tool("blender/bin/python")), str(script), str(glb), str(fbx)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
-    assert done.returncode == 0, done.stderr
+    printed_by(export_tool("blender/bin/python"), script, glb, fbx)
     name = f"{motion.origin.recording.hand}-hand"
     assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][name], motion, 1e-4)
 

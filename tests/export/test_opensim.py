@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from moving_fingers import blanked
+from program_files import printed_by
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.motion import continuous, stiffen
@@ -56,8 +56,7 @@ HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "littl
 
 def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: str) -> dict[str, Any]:
     """Return what OpenSim reads; the test is skipped where it is not installed."""
-    command = [export_tool("opensim/bin/python"), READER, stem, stem.with_suffix(".npz"), *options]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
+    printed_by(export_tool("opensim/bin/python"), READER, stem, stem.with_suffix(".npz"), *options)
     with np.load(stem.with_suffix(".npz")) as arrays:
         return dict(arrays)
 

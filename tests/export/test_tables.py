@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import os
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pytest
+from program_files import printed_by
 from stage_runs import export_tables as main
 
 from shukotsu.study.results import MODEL_COMPARISONS, MOVEMENT_COMPARISONS, STUDY_TABLES
@@ -84,10 +83,8 @@ def test_what_is_no_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.tools
-def test_frictionless_reads_and_checks_them(tidy: Path) -> None:
-    """Skipped where .tools, or the folder that SHUKOTSU_TOOLS names, lacks it (CONTRIBUTING.md)."""
-    tools = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).resolve().parents[2] / ".tools"))
-    python = tools / "python" / "bin" / "python"
+def test_frictionless_reads_and_checks_them(tidy: Path, export_tool: Callable[[str], Path]) -> None:
+    python = export_tool("python/bin/python")
     if not list(python.parents[1].glob("lib/*/site-packages/frictionless")):
         pytest.skip(f"frictionless is not installed beside {python}")
     code = (
@@ -95,9 +92,6 @@ def test_frictionless_reads_and_checks_them(tidy: Path) -> None:
         "report = frictionless.Package('datapackage.json').validate()\n"
         "print(json.dumps([[t.name, t.valid, t.stats['rows'], t.flatten()] for t in report.tasks]))"
     )
-    done = subprocess.run(
-        [str(python), "-c", code], cwd=tidy, check=True, capture_output=True, text=True, timeout=300
-    )
-    checked = json.loads(done.stdout)
+    checked = json.loads(printed_by(python, "-c", code, cwd=tidy))
     assert [name for name, *_ in checked] == list(NAMES)
     assert all(valid and n == 4 for _, valid, n, _ in checked), checked

@@ -26,7 +26,7 @@ SIDES = pytest.mark.parametrize("side", ["right", pytest.param("left", marks=pyt
 
 @cache
 def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
-    drawn = simulate("01", side, "rom", seed, Realism.full(), 2400)
+    drawn = simulate("01", side, "rom", seed, Realism(), 2400)
     drawn = facing_the_nail(drawn) if nail else drawn
     return drawn, fit_hand([drawn.poses()], LAYOUT, side, settings=QUICK)
 

@@ -140,7 +140,7 @@ def test_angles_of_a_simulated_hand(hand: str) -> None:
     """As the simulator bent the joints, to what its tilted axes make of them; it counts radial deviation
     and supination as positive. The skew axes of the thumb's CMC joint are not comparable.
     """
-    truth = simulate("01", hand, "rom", 3, Realism.full(), 60).truth
+    truth = simulate("01", hand, "rom", 3, Realism(), 60).truth
     bones, got = truth.bone_quaternion, {}
     for joint in set(JOINTS) - {"wrist", "thumb_cmc", "index_cmc", "middle_cmc"}:
         index = JOINTS.index(joint)

@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from recording_files import WHO
 
 from shukotsu.__main__ import main
 from shukotsu.errors import MOST_LETTERS
@@ -19,8 +20,7 @@ ROW = "0,0,hand,1,2,3,1,0,0,0\n"
 
 def outcomes(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[list[int], list[str]]:
     poses = path.with_name("poses.parquet")
-    recording = ["--layout=liberty16", "--subject=1", "--hand=right", "--task=rom", f"--out={poses}"]
-    codes = [main(["import", f"--in={path}", *recording]), main(["inspect", str(path)])]
+    codes = [main(["import", f"--in={path}", *WHO, f"--out={poses}"]), main(["inspect", str(path)])]
     lines = capsys.readouterr().err.splitlines()
     assert all(len(line) <= MOST_LETTERS + len("error: ") for line in lines)
     assert not poses.exists()

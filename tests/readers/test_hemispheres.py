@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import random_chain
-from recording_files import columns_of
+from recording_files import WHO, columns_of
 from simulated_poses import hand_of
 
 from shukotsu.__main__ import main
 from shukotsu.readers.hemispheres import expected_joints
-from shukotsu.readers.poses_table import poses_table
+from shukotsu.readers.poses_table import PosesTable, poses_table
 from shukotsu.readers.samples import NUMBERS, Samples
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
@@ -43,10 +43,9 @@ def recorded(
     return samples, true, dict(zip(segments[1:], segments, strict=False))
 
 
-def table(samples: Samples, parents: dict[str, str], *, repair: bool) -> tuple[np.ndarray, ...]:
-    """Positions (T, S, 3), validity (T, S) and flags (T, S) of the poses table."""
-    columns = columns_of(poses_table([samples], parents, repair_hemisphere=repair))
-    shape = len(samples.segments), -1
+def arrays_of(table: PosesTable) -> tuple[np.ndarray, ...]:
+    """Positions (T, S, 3), validity (T, S) and flags (T, S) of a poses table."""
+    columns, shape = columns_of(table), (len(table.segments), -1)
     numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
     flags = np.array(columns["flags"].to_pylist())
     return numbers, columns["valid"].reshape(shape).T, flags.reshape(shape).T
@@ -57,7 +56,7 @@ def table(samples: Samples, parents: dict[str, str], *, repair: bool) -> tuple[n
 def test_every_receiver_is_put_back(seed: int, smear: float) -> None:
     """Whatever the first frame's side was, positions are the true ones, or all of them mirrored."""
     samples, true, parents = recorded(seed, smear)
-    position_mm, valid, flags = table(samples, parents, repair=True)
+    position_mm, valid, flags = arrays_of(poses_table([samples], parents, repair_hemisphere=True))
     assert valid.mean() > (0.9 if smear else 0.999)
     assert (flags == "hemisphere-repaired").any()
     off_mm = [np.abs(position_mm - sign * true[..., :3])[valid].max() for sign in (1, -1)]
@@ -68,7 +67,7 @@ def test_every_receiver_is_put_back(seed: int, smear: float) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_unasked_they_are_gaps_and_what_is_left_is_on_one_side(seed: int) -> None:
     samples, true, parents = recorded(seed)
-    position_mm, valid, flags = table(samples, parents, repair=False)
+    position_mm, valid, flags = arrays_of(poses_table([samples], parents))
     assert np.array_equal(valid, flags == "")
     assert 0.4 < valid.mean() < 1.0
     off_mm = [np.abs(position_mm - sign * true[..., :3])[valid].max() for sign in (1, -1)]
@@ -85,10 +84,7 @@ def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
     )  # fmt: skip
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     expected_mm = expected_joints(layout)
-    poses_of_hand = poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True)
-    columns, shape = columns_of(poses_of_hand), (segments, -1)
-    numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
-    return numbers, columns["valid"].reshape(shape).T, np.array(columns["flags"].to_pylist()).reshape(shape).T
+    return arrays_of(poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -104,7 +100,6 @@ def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A raw capture cannot be edited: `--repair-hemisphere` is its cure, and no finding is left."""
-    who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
     drawn = simulate("01", "right", "rom", 7, Realism(), 300)
     poses = []
     for side, repair in ((1.0, []), (-1.0, []), (-1.0, ["--repair-hemisphere"])):
@@ -114,7 +109,7 @@ def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
         write_recording(recording, replace(drawn, position_mm=side * drawn.position_mm))
         assert main(["emulate", "--archive", str(archive), "--recording", str(recording)]) == 0
         capsys.readouterr()
-        assert main(["import", "--in", str(archive), "--out", str(out), *who, *repair]) == 0
+        assert main(["import", "--in", str(archive), "--out", str(out), *WHO, *repair]) == 0
         suspect = "suspect: " in (printed := capsys.readouterr().err)
         assert suspect == (side < 0 and not repair), printed
         assert not suspect or "hemisphere: All receivers" in printed

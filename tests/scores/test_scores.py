@@ -162,7 +162,7 @@ def test_the_true_skeleton_is_exact_where_nothing_disturbs(tmp_path: Path, hand:
     replay, tip and wrist of the fingers are true. The thumb's CMC axes do not meet, so that
     its base is true in the mean alone.
     """
-    realism = replace(Realism.full(), glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+    realism = replace(Realism(), glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
     recording = recorded(tmp_path, realism, hand)
     for name, digit in LAYOUT.digits.items():
         row = true_skeleton_row(recording, digit)

@@ -45,7 +45,7 @@ def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) ->
 
 def test_left_hand_is_the_mirror_image_of_the_right() -> None:
     angles = 0.3 * np.random.default_rng(0).standard_normal((20, len(JOINTS), 3))
-    right, left = (hand_of("01", side, 3, Realism.full()) for side in ("right", "left"))
+    right, left = (hand_of("01", side, 3, Realism()) for side in ("right", "left"))
     right_mm, right_turn = poses_in_hand(right, angles)
     left_mm, left_turn = poses_in_hand(left, angles)
     mirror = np.array([1.0, -1.0, 1.0])
@@ -56,7 +56,7 @@ def test_left_hand_is_the_mirror_image_of_the_right() -> None:
 
 @pytest.mark.parametrize(("subject", "side"), [("01", "right"), ("02", "left"), ("03", "right")])
 def test_thumb_meets_each_finger_in_turn(subject: str, side: str) -> None:
-    apart_mm = pad_distances_mm(simulate(subject, side, "opposition", 20090601, Realism.full(), 960))
+    apart_mm = pad_distances_mm(simulate(subject, side, "opposition", 20090601, Realism(), 960))
     assert apart_mm.min(0).max() < 10
     assert (apart_mm.max(0) > 30).all()
     assert (np.diff(apart_mm.argmin(0)) > 0).all()

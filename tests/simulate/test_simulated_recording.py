@@ -15,7 +15,7 @@ from shukotsu.simulate.random_hand import BONES, JOINTS
 from shukotsu.simulate.realism import Realism
 from shukotsu.study.layout import read_layout
 
-EXACT, FULL = Realism.exact(), Realism.full()
+EXACT, FULL = Realism.exact(), Realism()
 SHORT = 600
 simulate = cache(simulation.simulate)
 

@@ -122,7 +122,7 @@ def record(
     session: str = "",
 ) -> Path:
     """Simulate a short recording into a file whose ending says its format."""
-    write_recording(file, simulate(subject, hand, task, 3, Realism.full(), frames, session=session))
+    write_recording(file, simulate(subject, hand, task, 3, Realism(), frames, session=session))
     return file
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import pytest
+from tracker_streams import settings
 
 from shukotsu.errors import InputError
 from shukotsu.tracker import display
 from shukotsu.tracker.display import Statistics
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import FULL_LIST
 
 
 def test_the_line_says_what_there_is_to_see() -> None:
     """Rates and losses since the line before, what is wrong with receivers, and which are absent."""
     stations = (1, 2, 3, 4, 5)
-    statistics = Statistics(StreamSettings("liberty", "binary", "cm", 240.0, stations), 0)
+    statistics = Statistics(settings("liberty", stations=stations), 0)
     before = statistics.totals(0)
     now = {"seconds": 2.0, "skipped_bytes": 7, "received_bytes": 2_660_000}
     now["receivers"] = {str(s): {"records": 480 - s, "lost_frames": s} for s in stations}
@@ -51,10 +51,7 @@ def test_a_line_that_is_too_slow_is_refused_with_the_arithmetic_and_what_fits() 
     """48 bytes 240 times a second are all of 11520, which 115200 baud carry."""
 
     def check(count: int, items: tuple[int, ...]) -> None:
-        stations = tuple(range(1, count + 1))
-        lists = dict.fromkeys(stations, items)
-        settings = StreamSettings("liberty", "binary", "cm", 240.0, stations, lists)
-        display.check_line(settings, 115200, "/dev/ttyUSB0")
+        display.check_line(settings("liberty", items, range(1, count + 1)), 115200, "/dev/ttyUSB0")
 
     check(1, (8, 9, 11, 3, 7))
     with pytest.raises(InputError):

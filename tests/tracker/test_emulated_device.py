@@ -4,10 +4,10 @@ import struct
 
 import numpy as np
 import pytest
+from tracker_streams import settings
 
 from shukotsu.tracker import liberty as replies
 from shukotsu.tracker.emulated_device import EmulatedLiberty, PlayedMotion, built_in_motion
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import FULL_LIST, BinaryDecoder
 from shukotsu.tracker.liberty_driver import SETTINGS
 
@@ -91,8 +91,7 @@ def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
     chosen = ",".join(map(str, items)).encode()
     translated(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
     stations = tuple(range(1, 17))
-    settings = StreamSettings("liberty", "binary", "cm", 240.0, stations, dict.fromkeys(stations, items))
-    got = BinaryDecoder(settings).feed(cycles(tracker, 200), final=True)
+    got = BinaryDecoder(settings("liberty", items, stations)).feed(cycles(tracker, 200), final=True)
     assert not got.skipped
     assert len(got.records) == 16 * 200
     position, quaternion = built_in_motion().poses(np.arange(200), stations)

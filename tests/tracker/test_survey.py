@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from captures import RATE_HZ, cycle, settings, write
+from recording_files import WHO
 
 from shukotsu.__main__ import main
 from shukotsu.tables.catalogue import POSES
@@ -101,11 +102,10 @@ def crossing(frame: int, station: int):
 
 def test_mirrored_poses_are_flagged_or_repaired_on_import(tmp_path: Path) -> None:
     path = write(tmp_path / "a.arrows", [cycle(f, pose=crossing) for f in range(960)])
-    words = ["import", "--in", str(path), "--layout", "liberty16", "--subject", "01", "--hand", "right"]
     tables = {}
     for name, more in (("kept", []), ("repaired", ["--repair-hemisphere"])):
         out = tmp_path / f"{name}.parquet"
-        assert main([*words, "--task", "rom", "--out", str(out), *more]) == 0
+        assert main(["import", f"--in={path}", *WHO, f"--out={out}", *more]) == 0
         tables[name] = read_table(out, POSES).to_pandas().query("segment == 'thumb_metacarpal'")
         assert read_metadata(out)["parameters"]["notes"] == []
     flipped = np.array([circling(f, 2)[0][0] < 0 for f in range(960)])

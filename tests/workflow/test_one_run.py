@@ -6,14 +6,13 @@ Of a failed job its own sentence is printed, of a full disk the file, and no com
 import logging
 import os
 import subprocess
-import sys
 from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from program_files import REPOSITORY
+from program_files import started
 
 from shukotsu.errors import InputError
 from shukotsu.workflow import one_run
@@ -30,15 +29,7 @@ HOLD = (
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(one_run, "_held", {})
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "1\n"
+    process = started(HOLD)
     yield process
     process.kill()
     process.communicate()

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import psutil
 import pytest
+from program_files import REPOSITORY
+from recording_files import WHO
 
 from shukotsu import job
 from shukotsu.__main__ import main as capture
@@ -20,8 +22,6 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 from shukotsu.workflow import warm_process
-
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 WAITING = Path(__file__).with_name("waiting_job.py")
 SOLVE = STAGES / "solve_joints.py"
@@ -50,9 +50,8 @@ def done(folder: Path, *words: object, script: Path = SOLVE, address: str | None
 @pytest.fixture(scope="module")
 def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("poses")
-    write_recording(folder / "rom.parquet", simulate("01", "right", "rom", 3, Realism.full(), 300))
-    words = ["--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"]
-    assert capture(["import", f"--in={folder}/rom.parquet", *words, f"--out={folder}/poses.parquet"]) == 0
+    write_recording(folder / "rom.parquet", simulate("01", "right", "rom", 3, Realism(), 300))
+    assert capture(["import", f"--in={folder}/rom.parquet", *WHO, f"--out={folder}/poses.parquet"]) == 0
     return folder / "poses.parquet"
 
 

@@ -107,11 +107,12 @@ class TextTable:
     def _cells(self, table: pa.Table, rows: npt.NDArray[np.int64], start: int = 0) -> Cells:
         """Return those rows of a table that starts with that row of the file; the others are empty."""
         empty_rows = table.num_rows - len(rows)
-        table, locate = (
-            table.take(rows) if empty_rows else table,
-            lambda row: self._place(start + int(rows[row])),
-        )
-        return Cells(self.path, table, locate, self.empty, self.decimal, empty_rows)
+
+        def locate(row: int) -> str:
+            return self._place(start + int(rows[row]))
+
+        kept = table.take(rows) if empty_rows else table
+        return Cells(self.path, kept, locate, self.empty, self.decimal, empty_rows)
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0

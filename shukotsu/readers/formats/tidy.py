@@ -26,7 +26,7 @@ BLOCK_ROWS = 1 << 16
 
 _READ_BYTES = 1 << 20
 """How much of a Parquet column is read at a time: one row group may hold the whole recording."""
-_COMMENTS = ("#", "%", "//")
+COMMENTS = ("#", "%", "//")
 """What the first line of a table with comments starts with."""
 
 
@@ -94,7 +94,7 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if missing:
         what, do = "", "save with commas, and points in the numbers"
         what = "the cells are separated by semicolons" if ";" in "".join(header) else ""
-        if "".join(header).lstrip().startswith(_COMMENTS):
+        if "".join(header).lstrip().startswith(COMMENTS):
             what, do = "the first line is a comment", "take it out"
         if what:
             raise InputError(

@@ -21,6 +21,7 @@ from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.readers.formats.text_table import open_table_text, open_tidy_csv
 from shukotsu.readers.formats.tidy import (
+    COMMENTS,
     RECEIVER,
     REQUIRED,
     SEGMENT,
@@ -57,7 +58,6 @@ from shukotsu.tables.typed_table import read_metadata
 READ_LINES = 200
 _HEADER_ROWS = 12
 
-_COMMENTS = ("#", "%", "//")
 _SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
 _NUMBER = {
     mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|{NO_VALUE}", re.I)
@@ -108,7 +108,7 @@ def detect_form(path: Path) -> TextForm:
         ) from error
     lines = text.splitlines()[:READ_LINES]
     starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # a header of rostopic's
-    comment = next((mark for mark in _COMMENTS for line in starts if line.startswith(mark)), None)
+    comment = next((mark for mark in COMMENTS for line in starts if line.startswith(mark)), None)
     rows = [
         (index, line)
         for index, line in enumerate(lines)
@@ -560,10 +560,8 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     parts = [part for part in blocks if part.rows]
     if not parts:
         return ["it has a header but no rows"]
-    frames, time_s = (
-        np.concatenate([part.wholes("frame") for part in parts]),
-        np.concatenate([part.times_s("time_s", "s") for part in parts]),
-    )
+    frames = np.concatenate([part.wholes("frame") for part in parts])
+    time_s = np.concatenate([part.times_s("time_s", "s") for part in parts])
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
     lines = [
         f"{count_of(len(frames), 'row')}, frames {frames.min()} to {frames.max()}, "

@@ -8,17 +8,16 @@ import captures
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from recording_files import LIBERTY, WHO
 
 from benchmarks.benchmark_table import run_python
 from shukotsu.commands.import_file import main
 from shukotsu.errors import InputError
 from shukotsu.readers.formats.raw_capture import read_capture
 from shukotsu.readers.samples import join_samples
-from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import mapping_from_config
 from shukotsu.tables.typed_table import read_metadata
 
-LIBERTY = read_layout("liberty16")
 STATIONS = tuple(range(1, 17))
 
 
@@ -26,8 +25,7 @@ def test_the_tracker_is_named(tmp_path: Path) -> None:
     path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
     captures.write(path, map(captures.cycle, range(48)))
     assert join_samples(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"
-    names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
-    assert main([f"--in={path}", f"--out={out}", "--record-failure", *names]) == 0
+    assert main([f"--in={path}", f"--out={out}", "--record-failure", *WHO]) == 0
     assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
 
 
@@ -72,8 +70,7 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
         captures.write(
             path, (captures.cycle(frame, STATIONS) for frame in frames), captures.settings(STATIONS)
         )
-        names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
-        argv = ["-m", "shukotsu", "import", f"--in={path}", f"--out={out}", *names]
+        argv = ["-m", "shukotsu", "import", f"--in={path}", f"--out={out}", *WHO]
         memory_mb.append(run_python(*argv).memory_mb)
         assert pq.ParquetFile(out).metadata.num_rows == 16 * minutes * 60 * 240
     assert memory_mb[1] - memory_mb[0] < 50
