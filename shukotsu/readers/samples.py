@@ -17,9 +17,6 @@ from shukotsu.study.layout import Layout
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
-COLUMNS = ("segment", "frame", "time_s", "numbers")
-"""Of samples, each with a row a sample."""
-
 
 @dataclass(frozen=True)
 class Samples:
@@ -56,8 +53,9 @@ class Samples:
 
     def take(self, rows: slice) -> Samples:
         """Return some of the samples, with all that is said of the recording."""
+        names = ("segment", "frame", "time_s", "numbers")
         flags = {flag: marked[rows] for flag, marked in self.flags.items()}
-        return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in COLUMNS})
+        return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in names})
 
 
 def join_samples(parts: Iterable[Samples]) -> Samples:
@@ -72,7 +70,10 @@ def join_samples(parts: Iterable[Samples]) -> Samples:
     every_flag = {flag for part in every for flag in part.flags}
     return Samples(
         every[0].segments,
-        *(np.concatenate([getattr(part, name) for part in every]) for name in COLUMNS),
+        np.concatenate([part.segment for part in every]),
+        np.concatenate([part.frame for part in every]),
+        np.concatenate([part.time_s for part in every]),
+        np.concatenate([part.numbers for part in every]),
         locate,
         {
             flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
