@@ -1,4 +1,4 @@
-"""Files of the program as they are installed: the package, and what beside it a wheel carries."""
+"""Files of the program as they are installed: the package, and what beside it a wheel carries; running it."""
 
 from __future__ import annotations
 
