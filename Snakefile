@@ -9,13 +9,12 @@ top = Path(workflow.snakefile).resolve().parent
 if (top / "shukotsu").is_dir():  # a checkout: not the one installed
     sys.path.insert(0, str(top))
 
-from shukotsu.study.results import FIT_TABLES, MEASURED_TABLES
+from shukotsu.study.results import FIT_TABLES, MEASURED_TABLES, SKELETON_TABLES
 from shukotsu.workflow import study_rules
 
 study = study_rules.begin(workflow, config, top)
 results = study.results.folder.as_posix()
 subject = f"{results}/sub-{{subject}}"
-SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
 fit = f"{subject}/fits/{{hand}}/{{model}}"
 both_fits = [fit.replace("{hand}", hand) for hand in ("right", "left")]
 
@@ -174,7 +173,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
 
 rule evaluate_tips:  # section 6: replay and tip errors
     input:
-        **study.inputs("plan", "poses", "findings", *SKELETON),
+        **study.inputs("plan", "poses", "findings", *SKELETON_TABLES),
     output:
         out=f"{subject}/tips.parquet",
         out_errors=f"{subject}/tip_errors.parquet",
@@ -187,7 +186,9 @@ rule evaluate_tips:  # section 6: replay and tip errors
 rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
     input:
         study.truth,
-        **study.inputs("plan", "poses", "findings", *SKELETON, "tips", "tip_errors"),
+        **study.inputs(
+            "plan", "poses", "findings", *SKELETON_TABLES, "tips", "tip_errors"
+        ),
         **study.fits(
             "posed_tips",
             "bone_poses",
@@ -206,7 +207,9 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
 
 rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the fingertips, strokes at events
     input:
-        **study.inputs("plan", "poses", "findings", *SKELETON, "events", "clocks"),
+        **study.inputs(
+            "plan", "poses", "findings", *SKELETON_TABLES, "events", "clocks"
+        ),
         **study.fits("joint_angles", "posed_tips", "bone_poses", "moved_receivers"),
     output:
         [f"{subject}/{table}.parquet" for table in MEASURED_TABLES],
@@ -253,7 +256,7 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
 
 rule export:  # skeletons and their motion for other programs
     input:
-        **study.inputs("plan", "poses", "findings", *SKELETON),
+        **study.inputs("plan", "poses", "findings", *SKELETON_TABLES),
         **study.fits("joint_angles", "posed_tips", "bone_poses", "moved_receivers"),
     output:
         out=directory(f"{subject}/exports"),

@@ -10,7 +10,7 @@ import runpy
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
@@ -67,9 +67,12 @@ def parser(
     return built
 
 
-def add_outputs(parser: argparse.ArgumentParser, **outputs: str) -> None:
-    """Add a required option for each file or folder to write: its argument's name and its help."""
-    for name, help_text in outputs.items():
+def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequence[str]]) -> None:
+    """Add a required option for each output of a stage: a table, or a folder of several tables."""
+    for name, tables in writes.items():
+        help_text = (
+            f"the {tables} table to write" if isinstance(tables, str) else f"folder for {', '.join(tables)}"
+        )
         parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True, help=help_text)
 
 

@@ -35,7 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
     pulses = "which events both clocks have: NAME, or NAME = NAME ON THE RECORDING'S CLOCK; or 'same clock'"
     add("--pulses", default="", help=pulses)
     add("--recording", type=Path, help="the raw capture, or its records, with the tracker's own pulses")
-    command_line.add_outputs(parser, out="the events table to write", out_clocks="the clocks table to write")
+    command_line.add_outputs(parser, WRITES)
     return parser
 
 

@@ -25,18 +25,13 @@ def build_parser() -> argparse.ArgumentParser:
     subject_stage.add_plan_options(
         parser, "findings", "projected_joints", *FITTED, calibration="--calibration", evaluated="--poses"
     )
-    command_line.add_outputs(
-        parser,
-        out_joints="joint_centres with the wrist point",
-        out_bones="the bone_lengths table to write",
-        out="the metacarpals table to write",
-    )
+    command_line.add_outputs(parser, WRITES)
     return parser
 
 
 def estimate(arguments: argparse.Namespace) -> None:
     """Build every skeleton of the plan, write the three tables."""
-    from shukotsu.paper.hand import write_part
+    from shukotsu.paper.hand import write_skeleton
 
     plan = subject_stage.plan_of(arguments)
     fits = [plan.table(name, *fit) for fit in plan.fits_of_hands() for name in FITTED]
@@ -45,7 +40,7 @@ def estimate(arguments: argparse.Namespace) -> None:
     with subject_stage.writing(arguments, WRITES, provenance) as tables:
         for part in plan.parts():
             with subject_stage.recording_failure(arguments, part, *tables.values()):
-                write_part(plan, part, tables)
+                write_skeleton(plan, part, tables)
 
 
 main = subject_stage.script(build_parser, estimate, WRITES)

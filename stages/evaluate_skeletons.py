@@ -7,9 +7,10 @@ import sys
 
 from shukotsu import command_line, job
 from shukotsu.study import subject_stage
+from shukotsu.study.results import SKELETON_TABLES
 
 WRITES = {"out": "skeleton_scores", "out_joints": "joint_errors"}
-READS = ("joint_centres", "bone_lengths", "metacarpals", "tips", "tip_errors")
+READS = (*SKELETON_TABLES, "tips", "tip_errors")
 FITTED = ("posed_tips", "bone_poses", "fitted_joints", "fitted_bones")
 
 
@@ -26,9 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--out skeleton_scores.parquet --out-joints joint_errors.parquet",
     )
     subject_stage.add_plan_options(parser, "findings", *READS, *FITTED, evaluated="--poses")
-    command_line.add_outputs(
-        parser, out="the skeleton_scores table to write", out_joints="the joint_errors table to write"
-    )
+    command_line.add_outputs(parser, WRITES)
     return parser
 
 

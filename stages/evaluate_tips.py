@@ -7,9 +7,9 @@ import sys
 
 from shukotsu import command_line, job
 from shukotsu.study import subject_stage
+from shukotsu.study.results import SKELETON_TABLES
 
 WRITES = {"out": "tips", "out_errors": "tip_errors"}
-SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -23,23 +23,21 @@ def build_parser() -> argparse.ArgumentParser:
         "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",
     )
     subject_stage.add_plan_options(
-        parser, "findings", *SKELETON, calibration="--calibration", evaluated="--poses"
+        parser, "findings", *SKELETON_TABLES, calibration="--calibration", evaluated="--poses"
     )
-    command_line.add_outputs(
-        parser, out="the tips table to write", out_errors="the tip_errors table to write"
-    )
+    command_line.add_outputs(parser, WRITES)
     return parser
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
     """Replay every skeleton of the plan in its recordings, write both tables."""
-    from shukotsu.paper.replay import write_part
+    from shukotsu.paper.replay import write_replay
     from shukotsu.tables.catalogue import TABLES
     from shukotsu.tables.parts import part_metadata
 
     plan = subject_stage.plan_of(arguments)
-    made_of = [plan.table(name) for name in SKELETON]
-    for path, name in zip(made_of, SKELETON, strict=True):
+    made_of = [plan.table(name) for name in SKELETON_TABLES]
+    for path, name in zip(made_of, SKELETON_TABLES, strict=True):
         part_metadata(path, TABLES[name])  # another table is called that before it is held against the rest
     files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
     provenance = subject_stage.provenance_of(plan, made_of, files)
@@ -47,7 +45,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
     with subject_stage.writing(arguments, WRITES, provenance) as tables:
         for part in plan.parts():
             with subject_stage.recording_failure(arguments, part, *tables.values()):
-                write_part(plan, part, tables["tips"], tables["tip_errors"])
+                write_replay(plan, part, tables["tips"], tables["tip_errors"])
 
 
 main = subject_stage.script(build_parser, evaluate, WRITES)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from shukotsu import command_line, job
 from shukotsu.study import subject_stage
+from shukotsu.study.results import SKELETON_TABLES
 
-TABLES = ("findings", "joint_centres", "bone_lengths", "metacarpals")
+TABLES = ("findings", *SKELETON_TABLES)
 POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")
 
 

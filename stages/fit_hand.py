@@ -36,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
         sizes=("hand_length_mm", "hand_breadth_mm"),
         sheets=("measurements", "touches"),
     )
-    command_line.add_outputs(parser, out="folder of the tables to write")
+    command_line.add_outputs(parser, WRITES)
     parser.add_argument(
         "--out-other", type=Path, help="fit the person's other hand too, each once: folder of its tables"
     )
@@ -60,7 +60,7 @@ def fit(arguments: argparse.Namespace) -> None:
 
 def _fit(arguments: argparse.Namespace, fits: Fits) -> None:
     from shukotsu.fit.compile_kernel import held_kernel
-    from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_part
+    from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_fit
     from shukotsu.tables.typed_table import Provenance
 
     with held_kernel(alone=False):
@@ -71,7 +71,7 @@ def _fit(arguments: argparse.Namespace, fits: Fits) -> None:
         for part in parts_of(plan, arguments.hand, arguments.model):
             recorded = fitted_tables(plan, part, tables)
             with subject_stage.recording_failure(arguments, part, *recorded):
-                write_part(plan, part, tables, fits)
+                write_fit(plan, part, tables, fits)
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:

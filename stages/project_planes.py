@@ -20,7 +20,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--model paper-fig4 --out projected_joints.parquet",
     )
     subject_stage.add_plan_options(parser, "findings", "joint_solutions", sheets=("corrections",))
-    command_line.add_outputs(parser, out="the joint_centres table to write")
+    command_line.add_outputs(parser, WRITES)
     return parser
 
 

@@ -20,7 +20,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--layout liberty16 --model paper-fig4 --out joint_solutions.parquet",
     )
     subject_stage.add_plan_options(parser, "findings", calibration="--poses")
-    command_line.add_outputs(parser, out="the joint_solutions table to write")
+    command_line.add_outputs(parser, WRITES)
     return parser
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Index
 from shukotsu.checks.expected_body import FREE_SCALE_SD, SCALE_SD, SHARED, ExpectedBody
 from shukotsu.checks.hypotheses import Hypothesis
 from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
@@ -31,9 +31,6 @@ REACH_MM, REACH_LOG_SD = 120.0, 0.9
 """Sd of a body that anatomy does not know: how far a joint's centre is from a receiver."""
 
 
-Rows = npt.NDArray[np.int64]
-
-
 @dataclass(frozen=True)
 class JointShares:
     """What P series of a joint's two receivers say.
@@ -43,7 +40,7 @@ class JointShares:
     angles_deg : (P, F, 3, 3), 10th, 50th and 90th percentile of three angles.
     """
 
-    joint: Rows
+    joint: Index
     normal: Array
     slope: Array
     square: Array
@@ -71,7 +68,7 @@ class Explanation:
         return np.asarray((self.closing + self.placed + self.turning).sum(-1) + self.shared)
 
 
-def joint_shares(body: ExpectedBody, series: Sequence[tuple[Rows, SampledMotion]]) -> JointShares:
+def joint_shares(body: ExpectedBody, series: Sequence[tuple[Index, SampledMotion]]) -> JointShares:
     """Summarise joints' receivers in each motion: (joints, motion) pairs in, shares out."""
     joint = np.concatenate([joints for joints, _ in series])
     parts = []
@@ -100,7 +97,7 @@ def joint_shares(body: ExpectedBody, series: Sequence[tuple[Rows, SampledMotion]
 
 
 def _rate_turns(
-    body: ExpectedBody, joint: Rows, turn: Array, seen: npt.NDArray[np.bool_]
+    body: ExpectedBody, joint: Index, turn: Array, seen: npt.NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     """Log likelihood (P, F) of how the joints turn, and percentiles (P, F, 3, 3) of their angles, deg."""
     facings = body.rest.shape[1]
@@ -131,7 +128,7 @@ def _rate_turns(
     return np.where(body.has_anatomy[joint, None], turning, 0.0), angles_deg
 
 
-def _turning(body: ExpectedBody, joint: Rows, low: Array, middle: Array, high: Array) -> Array:
+def _turning(body: ExpectedBody, joint: Index, low: Array, middle: Array, high: Array) -> Array:
     least, largest = body.flexion_deg[joint].T
     below, above = np.maximum(least - low[:, 0], 0), np.maximum(high[:, 0] - largest, 0)
     swing = np.maximum(high[:, 1:] - low[:, 1:] - body.swing_deg[joint], 0)
@@ -149,7 +146,7 @@ def _tail(squared: Array, freedom: float = TURN_TAIL, dimensions: int = 1) -> Ar
     return np.asarray(-(freedom + dimensions) / 2 * np.log1p(squared / freedom))
 
 
-def explain(body: ExpectedBody, shares: JointShares, choice: Rows) -> Explanation:
+def explain(body: ExpectedBody, shares: JointShares, choice: Index) -> Explanation:
     """Explain hypotheses, each of which takes one of the shares for every joint: choice (H, J), indices."""
     joint = shares.joint
     precision = 1.0 / body.sd_mm.reshape(-1, 6) ** 2
@@ -316,7 +313,7 @@ def explain_joints(motion: SampledMotion, body: ExpectedBody) -> Joints:
 
 def _explain(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Explanation:
     """Explain the motion as it is (first) and with each hypothesis undone; what it leaves alone is shared."""
-    every: Rows = np.arange(len(body.names))
+    every: Index = np.arange(len(body.names))
     ends = body.ends.tolist()
     series, choice, count = [(every, motion)], [every], len(every)
     for hypothesis in hypotheses:

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.arrays import Array, Bools, Integers
+from shukotsu.arrays import Array, Bools, Index
 from shukotsu.readers.jumps import own_sides
-
-Rows = Integers
 
 SPIKE_MM, SPIKE_DEG, SPIKE_TIMES = 60.0, 60.0, 8.0
 STUCK_S, STUCK_FRAMES = 0.25, 20
@@ -53,7 +51,9 @@ class Timeline:
         return np.array(same, bool).reshape(n_receivers, max(0, n_frames - 1))
 
 
-def _windows(rows: Rows, more: int, function: Callable[[Rows | slice], npt.NDArray[Any]]) -> npt.NDArray[Any]:
+def _windows(
+    rows: Index, more: int, function: Callable[[Index | slice], npt.NDArray[Any]]
+) -> npt.NDArray[Any]:
     """Apply a function to rows (N,) some at a time, each time to `more` beyond; return (..., N - more).
 
     Rows that follow each other it gets as a slice, which copies nothing.
@@ -80,7 +80,7 @@ def sides(line: Timeline) -> npt.NDArray[np.int8]:
     return sign
 
 
-def away(sign: npt.NDArray[Any]) -> Rows:
+def away(sign: npt.NDArray[Any]) -> Index:
     """Return how often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
     other = sign < 0
     return np.asarray((other[1:] & ~other[:-1]).sum(0) + other[:1].sum(0))
@@ -96,7 +96,7 @@ def spikes(line: Timeline) -> Bools:
             if len(rows) <= 2 * far:
                 continue
 
-            def steps(part: Rows | slice, receiver: int = receiver, far: int = far) -> Array:
+            def steps(part: Index | slice, receiver: int = receiver, far: int = far) -> Array:
                 here, turn = line.position_mm[part, receiver], line.quaternion[part, receiver]
                 before, middle, after = here[: -2 * far], here[far:-far], here[2 * far :]
                 off, apart = middle - (before + after) / 2, after - before
@@ -144,7 +144,7 @@ def stuck(line: Timeline) -> Bools:
 def _same_as_before(line: Timeline, receiver: int) -> Bools:
     """Whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
 
-    def same(part: Rows | slice) -> Bools:
+    def same(part: Index | slice) -> Bools:
         places, turns = (
             (numbers[1:] == numbers[:-1]).all(-1)
             for numbers in (line.position_mm[part, receiver], line.quaternion[part, receiver])
@@ -159,7 +159,7 @@ def zeros(line: Timeline) -> Bools:
     empty = np.zeros(line.valid.shape, bool)
     for receiver, valid in enumerate(line.valid.T):
 
-        def there(part: Rows | slice, receiver: int = receiver) -> Bools:
+        def there(part: Index | slice, receiver: int = receiver) -> Bools:
             here, turn = line.position_mm[part, receiver], line.quaternion[part, receiver, 1:]
             return np.asarray((here == 0).all(-1) & (turn == 0).all(-1))
 
@@ -169,9 +169,9 @@ def zeros(line: Timeline) -> Bools:
     return empty
 
 
-def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
+def alike(line: Timeline) -> dict[tuple[int, int], Index]:
     """Rows in which two receivers, of which one moves, have one pose to the last bit, by their places."""
-    alike_rows: dict[tuple[int, int], list[Rows]] = {
+    alike_rows: dict[tuple[int, int], list[Index]] = {
         pair: [] for pair in itertools.combinations(range(line.valid.shape[1]), 2)
     }
     for start in range(0, len(line.valid), BLOCK_ROWS):
@@ -188,7 +188,7 @@ def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
     for receiver in {receiver for pair in pairs for receiver in pair}:
         rows = np.flatnonzero(line.valid[:, receiver])
 
-        def moved(part: Rows | slice, receiver: int = receiver, first: int = int(rows[0])) -> Bools:
+        def moved(part: Index | slice, receiver: int = receiver, first: int = int(rows[0])) -> Bools:
             place_mm = line.position_mm[:, receiver]
             return np.asarray((place_mm[part] != place_mm[first]).any(-1))
 
@@ -233,10 +233,10 @@ def turning_speed(line: Timeline, most_frames: int = 12) -> float:
     return float(np.median(speeds) / (stride * interval)) if speeds else 0.0
 
 
-def _turned_deg(line: Timeline, receiver: int, rows: Rows, stride: int) -> Array:
+def _turned_deg(line: Timeline, receiver: int, rows: Index, stride: int) -> Array:
     """Angles (N - stride,) between a receiver's poses in rows (N,), so many of them apart."""
 
-    def turned(part: Rows | slice) -> Array:
+    def turned(part: Index | slice) -> Array:
         quaternion = line.quaternion[part, receiver]
         return _between_deg(quaternion[stride:], quaternion[:-stride])
 
@@ -250,11 +250,11 @@ def jumps(line: Timeline, receiver: int) -> bool:
         return False
     middle = np.array([np.median(line.position_mm[rows, receiver, axis]) for axis in range(3)])
 
-    def bends(part: Rows | slice) -> Array:
+    def bends(part: Index | slice) -> Array:
         here = line.position_mm[part, receiver]
         return np.asarray(np.linalg.norm(here[2:] - 2 * here[1:-1] + here[:-2], axis=-1))
 
-    def away_mm(part: Rows | slice) -> Array:
+    def away_mm(part: Index | slice) -> Array:
         return np.asarray(np.linalg.norm(line.position_mm[part, receiver] - middle, axis=-1))
 
     bent, spread = np.median(_windows(rows, 2, bends)), np.median(_windows(rows, 0, away_mm))

@@ -5,7 +5,7 @@ On paper: docs/whole-hand.md, section 8.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from shukotsu.study.layout import Layout
 from shukotsu.study.verdict import UNJUDGED, note_doubts
 from shukotsu.tables import catalogue
 from shukotsu.tables.poses import RecordingName
-from shukotsu.tables.typed_table import Table, vector_columns
+from shukotsu.tables.typed_table import vector_columns
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow, MovedReceiversRow, ReceiversRow
@@ -31,19 +31,6 @@ if TYPE_CHECKING:
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"
 """Kinds in which a receiver may be displaced."""
-
-FIT: Mapping[str, Table] = {
-    "fitted_joints": catalogue.JOINT_CENTRES,
-    "fitted_bones": catalogue.BONE_LENGTHS,
-    "receivers": catalogue.RECEIVERS,
-    "moved_receivers": catalogue.MOVED_RECEIVERS,
-    "gains": catalogue.GAINS,
-    "length_pulls": catalogue.LENGTH_PULLS,
-    "joint_angles": catalogue.JOINT_ANGLES,
-    "bone_poses": catalogue.BONE_POSES,
-    "posed_tips": catalogue.POSED_TIPS,
-}
-"""File to table, of a fit of the whole hand."""
 
 _UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
 """Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""

@@ -85,7 +85,7 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     return list(recorded.values())
 
 
-def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], fits: Fits) -> None:
+def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], fits: Fits) -> None:
     """Fit one skeleton and write its rows of every table; fits : see `calibrated_hand`."""
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)

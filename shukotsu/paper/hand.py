@@ -607,7 +607,7 @@ def is_whole(bone: BoneLengthsRow, layout: Layout) -> bool:
     return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
 
 
-def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> None:
+def write_skeleton(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> None:
     """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals."""
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     projected = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, part)))

@@ -146,7 +146,7 @@ def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
 BINDINGS = ("first-frame", "least-squares")
 
 
-def write_part(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWriter) -> None:
+def write_replay(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWriter) -> None:
     """Replay one skeleton in its recordings; a recording that could not be imported gets rows with the
     reason.
     """

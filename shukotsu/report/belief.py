@@ -1,4 +1,4 @@
-"""Show verdicts on joints and bones in signs and words, and what would better them: tables have decided."""
+"""Verdicts on joints and bones, as tables hold them, in signs and words, and what would improve them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ BELIEF_MARKS: Mapping[str, PlotMark] = {
 NO_JOINT = N_("no joint was solved")
 
 _SHOWN = {verdict.BELIEVE: BELIEVED, verdict.CARE: CARE, verdict.NO: NOT}
-"""What is shown of the column `verdict`."""
+"""What pages show for each value of the column `verdict`."""
 
 _DOUBT_TEXTS: Mapping[str, str] = {
     verdict.NOT_WORN: N_("no receiver on {segments}, so nothing measures it"),
@@ -108,7 +108,7 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
 
 
 def wanted_text(layouts: Iterable[Layout], times: float = 1.0) -> str:
-    """Write the error wanted of a centre, mm, or so many times that; of several layouts each: 2 or 10."""
+    """Write the error wanted of a centre, mm, times a factor; of several layouts each, as in: 2 or 10."""
     wanted = sorted({layout.wanted_mm for layout in layouts})
     return tr(" or ").join(f"{times * each:g}" for each in wanted)
 
@@ -168,11 +168,11 @@ def believed_counts(rows: Iterable[JointCentresRow]) -> str:
 
 
 NEAR_TIMES = 1.25
-"""So many times wanted_mm a stated error may be for one measurement or movement to be looked for."""
+"""Largest stated error, as a multiple of wanted_mm, that one more measurement or movement may mend."""
 
 
 def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layout: Layout) -> list[str]:
-    """Return what a hand's joints serve for that are known a little less well than wanted, and what mends it.
+    """Return which joints of a hand just miss the error wanted, and what would improve them.
 
     rows : of joint_centres; gains : of the same hand.
     """

@@ -49,7 +49,7 @@ class JudgedModels:
 
 
 def judged_models(results: StudyResults) -> list[JudgedModels]:
-    """Return the numbers that there are, METRICS in turn."""
+    """Return the available numbers, in the order of METRICS."""
     judged = []
     for metric in METRICS:
         rows = [row for row in results.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)]
@@ -114,7 +114,7 @@ def model_to_take(results: StudyResults) -> str:
 
 
 def _deciding_difference(results: StudyResults, judged: JudgedModels) -> ModelDifferencesRow | None:
-    """Return the difference of the model to take from the best of the others; None where none was made."""
+    """Return the difference of the recommended model from the best other one; None without a comparison."""
     ours = [row for row in judged.differences if row["model"] == results.leading]
     if not ours:
         return None
@@ -220,7 +220,7 @@ def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow
 
 
 def hands_counted(results: StudyResults, n: int) -> str:
-    """So many hands, or sides of a body where a layout is of no hand."""
+    """Number of hands, or of sides of a body where a layout is not of a hand."""
     return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
 
 

@@ -1,6 +1,6 @@
 """Methods text to paste into a manuscript, in English: what was recorded, computed, compared and tested.
 
-It says what the study's own files say, and nothing of what came out.
+It is made from the study's files alone and states no results.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _describe_mapping(path: Path) -> str:
 
 
 def _describe_models(results: StudyResults) -> str:
-    """Describe the models; where no layout has a thumb, nothing is said of one."""
+    """Describe the models; the thumb is left out where no layout has one."""
     thumb = any("thumb" in layout.digits for layout in results.layouts.values())
     text = (
         "Joint centres were found from the relative motion of the receivers beside each joint [1–3], under "

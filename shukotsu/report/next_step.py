@@ -1,4 +1,4 @@
-"""What stands beside the numbers: joints with care and why, in a line; and the one action that helps most."""
+"""Summary beside the numbers: joints to take with care and why, and the action that helps most."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow
 
 MOST_REASONS = 3
-"""So many reasons are named in a line."""
+"""Most reasons in a line."""
 
 _MOVEMENTS = {
     "thumb_cmc": N_("record large circles of the thumb, from its base, for 10 s"),
@@ -54,7 +54,7 @@ def care_line(results: StudyResults) -> str:
 
 
 def next_step(results: StudyResults) -> str:
-    """Return the one action that would better most, in words of the hand; empty where nothing is known to.
+    """Return the action that would improve the joints most, in words of the hand; empty where none is known.
 
     Actions are weighed by the millimetres by which joints that they serve miss what is wanted.
     """
@@ -84,7 +84,7 @@ def next_step(results: StudyResults) -> str:
 
 
 def _action(row: JointCentresRow, doubts: verdict.Doubts, is_measured: bool) -> str:
-    """Return what is to be done for a joint that is doubted so; empty where nothing is known to help."""
+    """Return the remedy for a joint with these doubts; empty where none is known."""
     for kind, values in doubts.items():
         segments: Any = values.get("segments")
         if kind in _WORN_MORE and segments:

@@ -46,7 +46,7 @@ HUES: dict[str, tuple[str, str]] = {
 
 DIGIT_HUES = ("vermilion", "blue", "green", "pink", "sky")
 MODEL_HUES = ("umber", "indigo", "moss", "rose", "violet", "ink", "forest")
-"""None of them is a digit's, so that a colour never means both."""
+"""Colours of models; none is a digit's colour."""
 AXIS_HUES = ("vermilion", "green", "blue")
 """Colours of a receiver's x, y and z."""
 

@@ -1,4 +1,4 @@
-"""List the recordings, and what is wrong with them or did not go as the study asked."""
+"""List the recordings, problems with them, and requests of the study that were not met."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class JointAngles:
 
 @dataclass(frozen=True)
 class ModelResults:
-    """What one model says of the hand and the recording; angles is None unless it fits the whole hand.
+    """Results of one model for the hand and the recording; angles is None unless it fits the whole hand.
 
     joints, solutions : rows of joint_centres and joint_solutions. tip_errors : this recording's rows.
     """

@@ -56,7 +56,7 @@ in its column alone.
 
 
 FAR_MM = 5.0
-"""A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
+"""Error beyond which a joint is useless: half the breadth of a finger's bone."""
 
 HALVES_WITHIN_95 = ("within_95", "parent_within_95")
 
@@ -135,7 +135,7 @@ def _is_known(name: str, row: Mapping[str, Any]) -> bool:
 
 
 def mean(values: Iterable[float | None]) -> float | None:
-    """Return the mean of what is there; None where nothing is."""
+    """Return the mean of the values that are not None; None where there are none."""
     numbers = [value for value in values if value is not None]
     return sum(numbers) / len(numbers) if numbers else None
 

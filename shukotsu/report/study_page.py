@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow
 
 FEW_HANDS = 30
-"""As many rows of bone lengths as are shown unfolded."""
+"""Most rows of bone lengths that are shown unfolded."""
 MOST_TRIED = 8
 """Recordings that are tried for one whose hand can be shown in motion."""
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
@@ -187,7 +187,7 @@ def exported_files(results: StudyResults) -> dict[str, list[Link]]:
 
 
 def render_failure(message: str) -> str:
-    """Return a page that says only why there is no report."""
+    """Return a page that only states why there is no report."""
     return render("base.html.j2", title=tr("No report"), message=translated(message))
 
 
@@ -280,7 +280,7 @@ def _cell(rows: Sequence[JointCentresRow], href: str = "") -> JointCell | None:
 
 
 def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:
-    """Return the hand from its back as SVG: a schema, in which only lengths and verdicts are the tables'."""
+    """Return the back of the hand as an SVG diagram, in which only lengths and verdicts are measured."""
     lengths = {(row["digit"], row["bone"]): row for row in results.bones_of.get((hand, model), [])}
     verdicts = {row["joint"]: row["verdict"] for row in results.joints_of.get((hand, model), [])}
     layout = results.layouts[hand]

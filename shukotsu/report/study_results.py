@@ -158,7 +158,7 @@ class StudyResults:
         return frozenset(hand_of(row) for row in self.problems if row["severity"] == SUSPECT)
 
     def counted(self, rows: list[RowType]) -> list[RowType]:
-        """Those rows that statistics are made of: not of suspect hands."""
+        """The rows that count in statistics: those of hands that are not suspect."""
         return [row for row in rows if hand_of(row) not in self.suspect]
 
     @cached_property
@@ -180,7 +180,7 @@ class StudyResults:
 
     @property
     def of_hands(self) -> bool:
-        """Return whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        """Return whether all layouts are of hands; otherwise a hand in the tables is a side of a body."""
         return all(layout.is_hand for layout in self.layouts.values())
 
     @cached_property
@@ -281,7 +281,7 @@ def recording_key(recording: Recording) -> tuple[str, ...]:
 
 
 def row_key(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """The same of a row of a table."""
+    """Subject, session, hand, task and trial of a row of a table."""
     return key_of(row, RECORDINGS.key)
 
 
@@ -368,5 +368,5 @@ def _study_rows(path: Path, table: Table, failures: list[ProblemsRow]) -> list[A
 
 
 def _columns_shown(table: Table) -> list[str]:
-    """Columns that pages show: not those of lists, which are most of what there is to read."""
+    """Columns that pages show: all but lists, which are never shown and take longest to read."""
     return [column.name for column in table.columns if not pa.types.is_fixed_size_list(column.type)]

@@ -157,7 +157,7 @@ def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list
 
 
 Page = tuple[Callable[[], str], Callable[[str], str]]
-"""What makes a page, and the one that says why there is none."""
+"""Functions that render a page, and the one that states why it failed."""
 
 
 def write_pages(arguments: argparse.Namespace) -> None:
@@ -211,7 +211,7 @@ def _select_recording(results: StudyResults, hand: str, name: str) -> Recording:
 
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
-    """The recording's page, or one that says why there is none: the subject's others must not be lost."""
+    """The recording's page, or one that states why it failed, so that the subject's other pages are kept."""
     try:
         return recording_page(read_recording(results, recording))
     except InputError as error:

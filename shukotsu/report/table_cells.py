@@ -140,7 +140,7 @@ class DataTable:
 
     @property
     def words(self) -> list[str]:
-        """Headings and names of rows whose meaning is told."""
+        """Headings and names of rows that have an explanation."""
         cells = [cell for block in self.blocks for cell in (*block.header, *(row[0] for row in block.rows))]
         return [cell for cell in dict.fromkeys(cells) if meaning(cell)]
 
@@ -221,7 +221,7 @@ def table_of(
 
 
 def number(value: float | None, decimals: int = 2) -> str:
-    """The number with so many decimals; a dash where there is none."""
+    """The number with a fixed number of decimals; a dash where there is none."""
     if value is None or value != value:
         return DASH
     return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)

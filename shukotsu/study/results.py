@@ -42,7 +42,8 @@ FIT_TABLES = (
 )
 """Tables of one hand under one model that fits the whole hand."""
 
-TRUTH_TABLES = ("joint_centres", "bone_lengths", "metacarpals", "tips")
+SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
+TRUTH_TABLES = (*SKELETON_TABLES, "tips")
 """Tables of the truth beside a simulated recording."""
 
 GATHERED_TABLES = {

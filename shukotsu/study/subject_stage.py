@@ -225,18 +225,16 @@ def writing(
     arguments: argparse.Namespace, writes: Writes, provenance: Provenance
 ) -> Iterator[dict[str, PartsWriter]]:
     """Open the tables that a stage writes, by their names, for their parts to be written."""
-    from shukotsu.tables.catalogue import TABLES
+    from shukotsu.tables.catalogue import table_in
     from shukotsu.tables.parts import parts_writer
 
     files: dict[str, Path] = {}
     for argument, names in writes.items():
         path: Path = getattr(arguments, argument)
         files |= {names: path} if isinstance(names, str) else {n: path / f"{n}.parquet" for n in names}
-    joints, bones = TABLES["joint_centres"], TABLES["bone_lengths"]
-    forms = {"projected_joints": joints, "fitted_joints": joints, "fitted_bones": bones}
     with ExitStack() as stack:
         yield {
-            name: stack.enter_context(parts_writer(path, forms.get(name) or TABLES[name], provenance))
+            name: stack.enter_context(parts_writer(path, table_in(name), provenance))
             for name, path in files.items()
         }
 

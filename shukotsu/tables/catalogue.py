@@ -54,6 +54,14 @@ class _Tables(Mapping[str, Table]):
 
 TABLES = _Tables()
 
+_JOINTS = ("projected_joints", "fitted_joints")
+_TABLE_OF = dict.fromkeys(_JOINTS, "joint_centres") | {"fitted_bones": "bone_lengths"}
+
+
+def table_in(file: str) -> Table:
+    """Table that a subject's file of that name holds; several may hold the same table."""
+    return TABLES[_TABLE_OF.get(file, file)]
+
 
 def __getattr__(name: str) -> Table:
     """Table by its name in capitals, such as POSES."""

@@ -385,7 +385,7 @@ class StudyFiles:
 
     def exported(self, _: Wildcards = None) -> list[str]:
         """Tables of all subjects from which exports are made."""
-        names = ("findings", "joint_centres", "bone_lengths", "metacarpals")
+        names = ("findings", *results.SKELETON_TABLES)
         tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
         return [*self.all_poses(), *tables, *self._of_all(self.fit_tables)]
 

@@ -12,11 +12,10 @@ import stage_runs
 from small_study import PlannedSubject, planned_subject, run_stages
 from stage_runs import of_plan, outputs
 
-from shukotsu.fit.hand_tables import FIT
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.findings import SUSPECT, finding_of_text
 from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
-from shukotsu.tables.catalogue import FINDINGS, POSES, TABLES
+from shukotsu.tables.catalogue import FINDINGS, POSES, TABLES, table_in
 from shukotsu.tables.parts import part_metadata
 from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_table, write_failure, write_table
 
@@ -26,7 +25,6 @@ RIGHT = [("right", "rom", "calibration"), ("right", "opposition", "both")]
 LEFT = [("left", "rom", "calibration"), ("left", "opposition", "evaluation")]
 MODELS = ("paper-fig4", "quick")
 WRITTEN = [name for name in SUBJECT_TABLES if name not in ("findings", "events", "clocks")]
-FORMS = {**TABLES, **FIT, "projected_joints": TABLES["joint_centres"]}
 MAY_BE_EMPTY = ("movement_cycles", "cycle_curves", "moved_receivers", "event_strokes")
 ALONE = "fitted without the left hand's bone lengths: "
 
@@ -73,7 +71,7 @@ def of_the_right_hand(subject: PlannedSubject, name: str) -> pa.Table:
     path = subject.plan_file.with_name(f"{name}.parquet")
     if name in FIT_TABLES:
         path = subject.fit_folder() / path.name
-    table = read_table(path, FORMS[name]).replace_schema_metadata(None)
+    table = read_table(path, table_in(name)).replace_schema_metadata(None)
     return table.filter(pc.equal(table.column("hand"), "right"))
 
 

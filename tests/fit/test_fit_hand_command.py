@@ -17,9 +17,9 @@ from stage_runs import fit_hand as main
 from shukotsu.errors import InputError
 from shukotsu.fit.calibration import read_thinned
 from shukotsu.fit.fit import HandFit, fit_hand
-from shukotsu.fit.hand_tables import FIT
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.catalogue import TABLES
+from shukotsu.study.results import FIT_TABLES
+from shukotsu.tables.catalogue import TABLES, table_in
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.typed_table import column_array, rows_of
 
@@ -45,7 +45,7 @@ class HandAlone:
 
 
 def rows(folder: Path, name: str, part: Part = WHOLE) -> list[Row]:
-    return list(rows_of(read_part(folder / f"{name}.parquet", FIT[name], part)))
+    return list(rows_of(read_part(folder / f"{name}.parquet", table_in(name), part)))
 
 
 @pytest.fixture(scope="module")
@@ -152,12 +152,12 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
     assert subject.fit("right") == 2
     assert not list(subject.fit_folder().glob("*"))
     assert subject.fit("right", "--record-failure") == 0
-    for name in FIT:
+    for name in FIT_TABLES:
         with pytest.raises(InputError, match=sentence):
             rows(subject.fit_folder(), name)
     assert subject.fit("left", "--record-failure") == 0
     left = replace(WHOLE, hand="left")
-    for name in FIT:
+    for name in FIT_TABLES:
         if name in ("receivers", "moved_receivers", "gains", "length_pulls"):
             assert rows(subject.fit_folder("left"), name, left) == []
         else:

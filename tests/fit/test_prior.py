@@ -8,12 +8,13 @@ from small_study import planned_subject
 
 from shukotsu.errors import InputError
 from shukotsu.fit.calibration import calibrated_hand
-from shukotsu.fit.hand_tables import FIT
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
 from shukotsu.study.plan import plan_of_poses
+from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import read_study
+from shukotsu.tables.catalogue import table_in
 
 LAYOUT = read_layout("liberty16")
 
@@ -23,7 +24,7 @@ def test_the_reference_hand_has_average_bones_and_no_stated_error(tmp_path: Path
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=250)
     folder, part = subject.fit_folder(model=REFERENCE), subject.part(REFERENCE)
     assert subject.fit("right", model=REFERENCE) == 0
-    rows = {name: subject.rows(folder / f"{name}.parquet", table.name, part) for name, table in FIT.items()}
+    rows = {name: subject.rows(folder / f"{name}.parquet", table_in(name).name, part) for name in FIT_TABLES}
     assert {row["status"] for row in rows["fitted_joints"]} == {"ok"}
     assert {row["joint"] for row in rows["fitted_joints"]} == set(LAYOUT.joints)
     assert {row["sd_mm"] for row in (*rows["fitted_joints"], *rows["fitted_bones"])} == {None}

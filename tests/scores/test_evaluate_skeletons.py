@@ -12,10 +12,9 @@ from small_study import PlannedSubject, planned_subject
 from stage_runs import evaluate_skeletons as main
 from stage_runs import of_plan, outputs
 
-from shukotsu.fit.hand_tables import FIT
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TABLES, TIPS
+from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TABLES, TIPS, table_in
 from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.tables.typed_table import Provenance, read_table, rows_of
 
@@ -65,7 +64,7 @@ def of(rows: list[Row], model: str, calibrated_on: str = "rom") -> dict[str, Row
 
 def changed(path: Path, change: Callable[[Part, list[Row]], str]) -> None:
     """Write a subject table again, each part changed: its rows, or failed with the message that is given."""
-    table = TABLES.get(path.stem) or FIT[path.stem]
+    table = table_in(path.stem)
     metadata = part_metadata(path, table)
     rows = {part: list(rows_of(read_part(path, table, part))) for part in metadata}
     with parts_writer(path, table, Provenance()) as write:
@@ -101,7 +100,7 @@ def test_a_fitted_hand_is_built_of_what_its_fit_says(subject: PlannedSubject) ->
         ("fitted_bones", "bone_lengths", "bone", ("starts_at", "ends_at", "length_mm", "sd_mm")),
     ):
         rows = {row[key]: row for row in subject.rows(subject.plan.table(table), table, part)}
-        fitted_rows = list(rows_of(read_part(fitted / f"{name}.parquet", FIT[name], part)))
+        fitted_rows = list(rows_of(read_part(fitted / f"{name}.parquet", table_in(name), part)))
         assert fitted_rows
         for row in fitted_rows:
             assert [rows[row[key]][column] for column in columns] == [row[column] for column in columns]
