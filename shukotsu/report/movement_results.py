@@ -267,6 +267,8 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
 
 def subject_groups(study: Study) -> dict[str, str]:
     """Return each subject's level of the study's first factor between subjects; of all '' without one."""
+    if not study.factors:
+        return dict.fromkeys(study.subjects, "")
     rows, skipped = factor_levels(study), not_compared(study)
     for factor in study.factors:
         levels = [*dict.fromkeys((row["subject"], row[factor]) for row in rows if row[factor])]

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from shukotsu.errors import InputError
 from shukotsu.report.belief import joint_anchor, reasons_of
-from shukotsu.report.figures.panels import page_picture, taken_failures
+from shukotsu.report.figures.panels import page_picture, page_pictures, taken_failures
 from shukotsu.report.figures.study_figures import (
     NO_CYCLES,
     group_looks,
@@ -89,17 +89,15 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
     parts: dict[str, Any] = {
         "view": _front(results),
         "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
-        "models": [(panel.heading, page_picture(panel)) for panel in panels.values()],
-        "groups": [
-            (panel.heading, page_picture(panel)) for panel in group_panels(factors, len(results.subjects))
-        ],
-        "replay": page_picture(replay) if replay else None,
+        "models": page_pictures(panels.values()),
+        "groups": page_pictures(group_panels(factors, len(results.subjects))),
+        "replay": [("", page_picture(replay))] if replay else [],
         "ranges": {
-            words: [page_picture(panel) for panel in of_task]
+            words: [("", page_picture(panel)) for panel in of_task]
             for words, of_task in (range_panels(movement) if movement else {}).items()
         },
         "curves": {
-            words: [(panel.heading, page_picture(panel)) for panel in of_task]
+            words: page_pictures(of_task)
             for words, of_task in (study_panels(movement, levels) if movement else {}).items()
         },
         "curve_looks": [*group_looks(dict.fromkeys(levels.values())).values()],

@@ -113,9 +113,9 @@ def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
     for path in demo.results.folder.rglob("*.parquet"):
         files.setdefault(path.stem, []).append(path)
     without_rows = {name for name in set(files) & set(TABLES) if not any(map(n_rows, files[name]))}
-    of_events = {"clocks", "event_strokes"}
+    of_strokes = {"clocks", "event_strokes"}
     of_factors = {"movement_differences", "movement_reliability"}
-    assert without_rows == {"problems", "findings", "moved_receivers"} | of_events | of_factors
+    assert without_rows == {"problems", "findings", "moved_receivers"} | of_strokes | of_factors
     empty = {
         f"{name}.{column.name}"
         for name in set(files) & set(TABLES) - without_rows
@@ -128,7 +128,9 @@ def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
     of_more_subjects = {
         f"model_differences.{name}" for name in ("interval_95_low", "interval_95_high", "effect_size")
     }
-    assert empty == loose | of_more_subjects | {f"receivers.field_{axis}_mm" for axis in "xyz"}
+    of_devices = {f"events.{name}" for name in ("channel", "value", "onset_sd_ms")}
+    of_fields = {f"receivers.field_{axis}_mm" for axis in "xyz"}
+    assert empty == loose | of_more_subjects | of_fields | of_devices
 
 
 def test_nothing_went_wrong(demo: StudyRun) -> None:

@@ -185,6 +185,11 @@ def page_picture(panel: Panel) -> Markup:
     return Markup(f'<svg {size} role="img"><title>{escape(panel.title)}</title>{body}</svg>')
 
 
+def page_pictures(panels: Iterable[Panel]) -> list[tuple[str, Markup]]:
+    """Return the headings and pictures of panels that stand side by side on a page."""
+    return [(panel.heading, page_picture(panel)) for panel in panels]
+
+
 @dataclass(frozen=True)
 class Scale:
     """A scale from `low` to `high`; `kind` is linear or log."""

@@ -9,7 +9,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from shukotsu.report.belief import belief, believed_counts
-from shukotsu.report.figures.panels import page_picture
+from shukotsu.report.figures.panels import page_pictures
 from shukotsu.report.figures.recording_figures import angle_looks, curve_panels, digit_rows, recording_text
 from shukotsu.report.movement_results import recording_curves, why_no_curves
 from shukotsu.report.palette import MARK_PATHS
@@ -120,8 +120,7 @@ def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str
     for event, curves in recording_curves(results, recording, results.leading).items():
         panels = curve_panels(f"{title}, {event}", curves, angle_looks())
         rows = digit_rows(results.layouts[recording.hand], curves)
-        in_order = [panels[joint] for row in rows for joint in row]
-        pictures[event] = [(panel.heading, page_picture(panel)) for panel in in_order]
+        pictures[event] = page_pictures(panels[joint] for row in rows for joint in row)
     return pictures
 
 

@@ -150,57 +150,55 @@ class Plot {
     }
   }
 
+  /* Indexes of the frames in view that have a value, in runs without a gap. */
+  runs(at) {
+    const {times, usual, last, from, to} = this.time, runs = [], end = min(last, this.time.index(to) + 1);
+    for (let i = max(0, this.time.index(from) - 1), before = NaN; i <= end; i++) {
+      if (isNaN(at(i))) continue;
+      if (before !== i - 1 || times[i] - times[before] > usual * GAP_STEPS) runs.push([]);
+      runs.at(-1).push(i);
+      before = i;
+    }
+    return runs;
+  }
+
   /* Of every pixel column the first, smallest, largest and last value, so that no peak is lost. */
   curve({at, colour, mark, phase}, y) {
-    const {to, time} = this, {times, usual} = time;
-    let column = null, broken = true;
-    const flush = () => {
-      if (!column) return;
-      const {x, first, least, most, last} = column;
-      if (broken) to.moveTo(x, y(first));
-      for (const value of [first, least, most, last]) to.lineTo(x, y(value));
-      [column, broken] = [null, false];
-    };
+    const {to, time: {times}} = this;
     Object.assign(to, {strokeStyle: colour, lineWidth: 1.3, lineJoin: "round", lineCap: "round"});
     to.beginPath();
-    const start = max(0, time.index(time.from) - 1), end = min(time.last, time.index(time.to) + 1);
-    for (let i = start; i <= end; i++) {
-      const value = at(i), x = this.x(times[i]);
-      if (isNaN(value) || (i > start && times[i] - times[i - 1] > usual * GAP_STEPS)) {
-        flush();
-        broken = true;
+    for (const run of this.runs(at)) {
+      let column = null, pen = "moveTo";
+      const flush = () => {
+        for (const value of column ? [column.first, column.least, column.most, column.last] : []) {
+          to[pen](column.x, y(value));
+          pen = "lineTo";
+        }
+      };
+      for (const i of run) {
+        const value = at(i), x = this.x(times[i]);
+        if (!column || floor(x) !== floor(column.x)) {
+          flush();
+          column = {x, first: value, least: value, most: value};
+        }
+        Object.assign(column, {least: min(column.least, value), most: max(column.most, value), last: value});
       }
-      if (isNaN(value)) continue;
-      if (!column || floor(x) !== floor(column.x)) {
-        flush();
-        column = {x, first: value, least: value, most: value};
-      }
-      Object.assign(column, {least: min(column.least, value), most: max(column.most, value), last: value});
+      flush();
     }
-    flush();
     to.stroke();
     if (mark) this.marks(at, colour, new Path2D(mark), phase, y);
   }
 
-  /* One standard deviation to either side of a line, each of its unbroken runs filled. */
+  /* One standard deviation to either side of a line. */
   spread({at, sd, colour}, y) {
-    const {to, time} = this, {times, usual} = time;
-    let run = [];
-    const fill = () => {
-      to.beginPath();
-      for (const [x, value, off] of run) to.lineTo(x, y(value + off));
-      for (const [x, value, off] of run.reverse()) to.lineTo(x, y(value - off));
-      to.fill();
-      run = [];
-    };
+    const {to, time: {times}} = this;
     Object.assign(to, {fillStyle: colour, globalAlpha: .2});
-    const start = max(0, time.index(time.from) - 1), end = min(time.last, time.index(time.to) + 1);
-    for (let i = start; i <= end; i++) {
-      const value = at(i), off = sd(i);
-      if (isNaN(value + off) || (i > start && times[i] - times[i - 1] > usual * GAP_STEPS)) fill();
-      if (!isNaN(value + off)) run.push([this.x(times[i]), value, off]);
+    for (const run of this.runs((i) => at(i) + sd(i))) {
+      to.beginPath();
+      for (const i of run) to.lineTo(this.x(times[i]), y(at(i) + sd(i)));
+      for (const i of run.reverse()) to.lineTo(this.x(times[i]), y(at(i) - sd(i)));
+      to.fill();
     }
-    fill();
     to.globalAlpha = 1;
   }
 
