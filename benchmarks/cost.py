@@ -1,4 +1,4 @@
-"""Cost of whole studies and their stages, of a change to a study, and of fitting, posing and judging a hand."""
+"""Cost of studies and their stages, of a change to a study, and of fitting, posing and judging a hand."""
 
 from __future__ import annotations
 
