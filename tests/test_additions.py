@@ -146,13 +146,14 @@ NOT_OF_THE_FIT = {"JOINTWISE_SLIDE_SD_MM", "JOINTWISE_TILT_SD", "UNKNOWN_SLIDE_S
 PRINT_MODEL = """
 import json, numpy as np
 from shukotsu.fit.chain import hand_model
+from shukotsu.fit.compiled_equations import reach
 from shukotsu.study.layout import read_layout
 layout = read_layout("liberty16")
 worn = [name for name in layout.measured if not layout.segments[name].optional]
 model = hand_model(layout, worn, worn, np.zeros(3))
 y, at, moves = np.ones((1, len(model.states.names))), (np.eye(3)[None], np.zeros((1, 3))), {}
 for branch in model.branches:
-    reached = branch.reach(np.zeros(len(model.unknowns.names)), y, *at)
+    reached = reach(branch, np.zeros(len(model.unknowns.names)), y, *at)
     by_x = branch.by_unknown(branch.by_operation(reached, range(len(branch.marks))), y)[:, 0]
     for mark, name in enumerate(branch.marks):
         for unknown, moved in zip(branch.unknowns, by_x[mark].T):

@@ -85,9 +85,9 @@ def _first(values: Array) -> Array:
     return np.moveaxis(values, -1, 0).copy()
 
 
-def _reached_buffers(problem: Problem, n: int) -> forward.ReachedFrames:
-    n_operations = sum(len(branch.operations) for branch in problem.branches)
-    n_marks = sum(len(branch.marks) for branch in problem.branches)
+def _reached_buffers(branches: Sequence[Branch], n: int) -> forward.ReachedFrames:
+    n_operations = sum(len(branch.operations) for branch in branches)
+    n_marks = sum(len(branch.marks) for branch in branches)
     return forward.ReachedFrames(
         np.empty((n_operations, 3, n)),
         np.empty((n_operations, 3, n)),
@@ -108,7 +108,7 @@ def _posing_buffers(problem: Problem, n: int) -> posing.PosingBuffers:
     shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
     return posing.PosingBuffers(
         forward.BranchPoses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
-        _reached_buffers(problem, n),
+        _reached_buffers(problem.branches, n),
         _residual_buffers(problem, n),
         *(np.empty((*shape, n)) for shape in shapes),
     )
@@ -153,6 +153,16 @@ def _prior(problem: Problem) -> derivatives.Prior:
     return derivatives.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
 
 
+def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
+    """Go through a branch's chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
+    chains, n = _flat_chains((branch,), ((),)), len(y)
+    reached = _reached_buffers((branch,), n)
+    at = forward.BranchPoses(_last(y), _last(root), _last(root_mm))
+    forward.reach(chains, chains.plan, _amounts(chains, x), at, reached)
+    axis, origin_mm, rotation, position_mm = (np.moveaxis(values, -1, 1) for values in reached)
+    return Reached(rotation, position_mm, axis, origin_mm)
+
+
 @dataclass(frozen=True)
 class _Evaluated:
     """A problem at a point, as the kernel sees it; the last two are kept, as most are asked for again."""
@@ -170,7 +180,8 @@ class _Evaluated:
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
         chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
         amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)
-        reached, residuals_there = _reached_buffers(problem, n_frames), _residual_buffers(problem, n_frames)
+        reached = _reached_buffers(problem.branches, n_frames)
+        residuals_there = _residual_buffers(problem, n_frames)
         forward.reach(chains, chains.plan, amounts, at, reached)
         derivatives.residuals(chains, reached, at, seen, prior, residuals_there)
         return cls(chains, amounts, at, seen, prior, reached, residuals_there)

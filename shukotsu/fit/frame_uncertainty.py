@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.fit.chain_builder import KINDS, bone
-from shukotsu.fit.compiled_equations import reduce
+from shukotsu.fit.compiled_equations import reach, reduce
 from shukotsu.fit.fingertips import Fingertips, square_root
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.fit.normal_equations import Frames, Point
@@ -311,7 +311,7 @@ class Postures:
 def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _BranchBones:
     columns = [index for index, name in enumerate(bones) if bone(name) in branch.marks]
     marks = [branch.marks.index(bone(bones[index])) for index in columns]
-    reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+    reached = reach(branch, point.x, point.y, point.root, point.root_mm)
     raw = branch.by_operation(reached, marks)
     arms = reached.position_mm[marks] - point.root_mm
     by_root = np.array([_by_root(point, arm) for arm in arms]).reshape(*raw.shape[:-1], 6)

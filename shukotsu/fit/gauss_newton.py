@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from shukotsu.fit.chain import HandModel
 from shukotsu.fit.chain_builder import KINDS
-from shukotsu.fit.compiled_equations import back_substitute, reduce, residuals
+from shukotsu.fit.compiled_equations import back_substitute, reach, reduce, residuals
 from shukotsu.fit.normal_equations import Point, Problem, Residuals, axial_vector
 from shukotsu.hand.rotations import Array
 
@@ -57,7 +57,7 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
         rows = np.flatnonzero(~placed)
         if not len(rows):
             break
-        reached = branch.reach(x, y[rows], np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3)))
+        reached = reach(branch, x, y[rows], np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3)))
         for mark, s in receivers:
             seen = frames.valid[rows, s] & ~placed[rows]
             now = rows[seen]

@@ -96,10 +96,6 @@ class Branch:
         self.upstream = np.zeros((len(upstream), len(operations)), bool)
         for mark, before in enumerate(upstream.values()):
             self.upstream[mark, before] = True
-        axes = np.array([operation.axis for operation in operations]).reshape(-1, 3)
-        self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is (a x -e_i)^T = (e_i x a)^T
-        self._square = self._cross @ self._cross
-        self._constant = np.array([operation.constant for operation in operations])
         self._set_terms(
             [(index, term) for index, operation in enumerate(operations) for term in operation.terms]
         )
@@ -147,14 +143,10 @@ class Branch:
                 self._by_state[o, y_at[term.state]] += term.coefficient
             elif term.unknown is not None and term.state is None:
                 self._by_unknown[o, x_at[term.unknown]] += term.coefficient
-            elif term.unknown is None:
-                self._constant[o] += term.coefficient
-            elif term.state is not None:
+            elif term.unknown is not None and term.state is not None:
                 products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient))
         self._product_at: Index = np.array([p[:3] for p in products], int).reshape(-1, 3)
         self._product = np.array([p[3] for p in products])
-        self._moves = np.any(self._by_state != 0, axis=1)
-        self._moves[self._product_at[:, 0]] = True
         select = np.zeros((len(products), len(self.unknowns)))
         select[np.arange(len(products)), self._product_at[:, 1]] = self._product
         self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
@@ -165,49 +157,6 @@ class Branch:
         o, g, s = self._product_at.T
         np.add.at(by_state, (o, s), self._product * x[self.unknowns][g])
         return np.asarray(by_state)
-
-    def reach(self, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
-        """Evaluate the chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
-        states = y[:, self.states]
-        steady = self._constant + self._by_unknown @ x[self.unknowns]
-        amount = steady[:, None] + self.per_state(x) @ states.T
-        turning = self._turning(steady, amount)
-        R, t = root, root_mm
-        n_frames = len(y)
-        rotation = np.empty((len(self.marks), n_frames, 3, 3))
-        position = np.empty((len(self.marks), n_frames, 3))
-        axis = np.empty((len(self._rotates), n_frames, 3))
-        origin = np.empty((len(self._rotates), n_frames, 3))
-        left = []
-        for what, index, constant in self.plan:
-            if what == "rotate":
-                axis[index], origin[index] = _times(R, constant), t
-                R = R @ turning[index] if self._moves[index] else _times(R, turning[index])
-            elif what == "translate":
-                axis[index], origin[index] = _times(R, constant), t
-                t = t + axis[index] * amount[index][:, None]
-            elif what == "turn":
-                R = _times(R, constant)
-            elif what == "mark":
-                rotation[index], position[index] = R, t
-            elif what == "leave":
-                left.append((R, t))
-            else:
-                R, t = left.pop()
-        return Reached(rotation, position, axis, origin)
-
-    def _turning(self, steady: Array, amount: Array) -> list[Array]:
-        """Rotation matrices of operations: (F, 3, 3) by amounts (O, F), or (3, 3) by steady ones."""
-        turning: list[Array] = [NOTHING] * len(amount)
-        for moves, angles in ((False, steady), (True, amount)):
-            which = np.flatnonzero(self._rotates & (self._moves == moves))
-            angle = angles[which][..., None, None]
-            shape = (len(which), *(1,) * (angle.ndim - 3), 3, 3)
-            once, twice = self._cross[which].reshape(shape), self._square[which].reshape(shape)
-            turned = np.eye(3) + np.sin(angle) * once + (1.0 - np.cos(angle)) * twice
-            for operation, rotation in zip(which, turned, strict=True):
-                turning[operation] = rotation
-        return turning
 
     def by_operation(self, reached: Reached, marks: Sequence[int]) -> Array:
         """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation."""
@@ -225,9 +174,3 @@ class Branch:
         o, _, s = self._product_at.T
         products = by_operation[..., o] * y[:, self.states][:, s][:, None, :]
         return np.asarray(np.concatenate([by_operation, products], -1) @ self._by_unknown_and_product)
-
-
-def _times(rotation: Array, constant: Array) -> Array:
-    """Rotations (F, 3, 3) of one vector (3,) or matrix (3, 3), as one product."""
-    flat = np.ascontiguousarray(rotation).reshape(-1, 3) @ constant
-    return np.asarray(flat.reshape(-1, *constant.shape))

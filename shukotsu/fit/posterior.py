@@ -16,6 +16,7 @@ import numpy as np
 
 from shukotsu.fit.chain import HandModel
 from shukotsu.fit.chain_builder import Amount, receiver
+from shukotsu.fit.compiled_equations import reach
 from shukotsu.fit.normal_equations import Point, Problem, Reduced, states_by_unknowns
 from shukotsu.fit.receiver_frames import Convention
 from shukotsu.hand.rotations import Array, cross
@@ -101,7 +102,7 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
     y = posterior.mean_states[None]
     places = {}
     for branch in model.branches:
-        reached = branch.reach(posterior.x, y, np.eye(3)[None], np.zeros((1, 3)))
+        reached = reach(branch, posterior.x, y, np.eye(3)[None], np.zeros((1, 3)))
         raw = branch.by_operation(reached, range(len(branch.marks)))
         by_x = branch.by_unknown(raw, y)[:, 0]
         by_y = (raw @ branch.per_state(posterior.x))[:, 0]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shukotsu.fit.chain import HandModel, hand_model
-from shukotsu.fit.compiled_equations import pose, reduce
+from shukotsu.fit.compiled_equations import pose, reach, reduce
 from shukotsu.fit.gauss_newton import solve
 from shukotsu.fit.measurements import side_by_side
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs, states_by_unknowns
@@ -38,7 +38,7 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
     position = np.empty((n_frames, n_receivers, 3))
     receivers = pairs(model.branches, model.receivers)
     for branch, of_branch in zip(model.branches, receivers, strict=True):
-        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        reached = reach(branch, point.x, point.y, point.root, point.root_mm)
         for mark, s in of_branch:
             turn = exp_rotation(np.radians(noise) * rng.normal(size=(n_frames, 3)))
             rotation[:, s] = reached.rotation[mark] @ turn
@@ -64,7 +64,7 @@ def test_a_palm_of_another_breadth(layout: Layout) -> None:
     narrow = np.zeros(len(model.unknowns.names))
     narrow[model.unknowns.names.index("palm breadth")] = -0.5
     for branch in model.branches:
-        reached = branch.reach(narrow, np.zeros((1, len(model.states.names))), *at)
+        reached = reach(branch, narrow, np.zeros((1, len(model.states.names))), *at)
         for name, amounts in model.knuckles.items():
             if (mark := f"bone {name}_proximal") in branch.marks:
                 first_order = [amount.constant + amount.row(len(narrow)) @ narrow for amount in amounts]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated_poses import fitted, recorded
 
-from shukotsu.fit.compiled_equations import back_substitute, reduce
+from shukotsu.fit.compiled_equations import back_substitute, reach, reduce
 from shukotsu.fit.fingertips import Fingertips, fingertips
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of, pose_hand
 from shukotsu.fit.frame_uncertainty import (
@@ -62,7 +62,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
         places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:
-            reached = branch.reach(x, solved.y, solved.root, solved.root_mm)
+            reached = reach(branch, x, solved.y, solved.root, solved.root_mm)
             reached_poses = zip(reached.rotation, reached.position_mm, strict=True)
             places |= dict(zip(branch.marks, reached_poses, strict=True))
         bones = [places[f"bone {name}"] for name in posed.bones]

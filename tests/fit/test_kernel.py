@@ -11,6 +11,7 @@ from shukotsu.fit.compiled_equations import (
     BLOCK_FRAMES,
     back_substitute,
     pose,
+    reach,
     reduce,
     residuals,
     weighted_jacobians,
@@ -26,7 +27,7 @@ from shukotsu.fit.normal_equations import (
     log_rotation,
     pairs,
 )
-from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
+from shukotsu.fit.operations import Branch, Mark, Operation, Reached, Side, Step, Term, Turn
 from shukotsu.hand.rotations import Array, exp_rotation, unit
 
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
@@ -112,7 +113,7 @@ def measured(
     n_frames = len(point.y)
     rotation, position = np.empty((n_frames, RECEIVERS, 3, 3)), np.empty((n_frames, RECEIVERS, 3))
     for branch, each in zip(branches, receivers, strict=True):
-        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        reached = reach(branch, point.x, point.y, point.root, point.root_mm)
         for mark, s in each:
             turn = exp_rotation(0.02 * rng.standard_t(2, size=(n_frames, 3)).clip(-40, 40))
             rotation[:, s] = reached.rotation[mark] @ turn
@@ -120,6 +121,39 @@ def measured(
     valid = rng.random((n_frames, RECEIVERS)) > 0.1
     valid[0] = n_frames == 1
     return Frames(rotation, position, valid)
+
+
+def walked(branch: Branch, point: Point) -> Reached:
+    """Go through a chain one step after the other, each a product of matrices."""
+    (n_frames, _), (R, t), left = point.y.shape, (point.root, point.root_mm), list[tuple[Array, Array]]()
+    reached = Reached(*(np.empty((n, n_frames, *shape)) for n, shape in (
+        (len(branch.marks), (3, 3)), (len(branch.marks), (3,)),
+        (len(branch.operations), (3,)), (len(branch.operations), (3,)),
+    )))  # fmt: skip
+    for kind, index, constant in branch.plan:
+        if kind in ("rotate", "translate"):
+            operation, amount = branch.operations[index], np.zeros((n_frames, 1))
+            for term in operation.terms:
+                of_hand = 1.0 if term.unknown is None else point.x[term.unknown]
+                amount[:, 0] += (
+                    term.coefficient * of_hand * (1 if term.state is None else point.y[:, term.state])
+                )
+            amount += operation.constant
+            reached.axis[index], reached.origin_mm[index] = R @ constant, t
+            R, t = (
+                (R @ exp_rotation(amount * constant), t)
+                if operation.rotates
+                else (R, t + amount * (R @ constant))
+            )
+        elif kind == "turn":
+            R = R @ constant
+        elif kind == "mark":
+            reached.rotation[index], reached.position_mm[index] = R, t
+        elif kind == "leave":
+            left.append((R, t))
+        else:
+            R, t = left.pop()
+    return reached
 
 
 def assert_same(computed: Array, expected: Array) -> None:
@@ -136,7 +170,7 @@ def test_compiled_residuals_equal_numpy(seed: int, n_frames: int) -> None:
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
     frame_cost = problem.temper * (y_off**2).sum(1) / 2
     for each, branch, receivers in zip(computed.branches, problem.branches, problem.receivers, strict=True):
-        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        reached = walked(branch, point)
         for name in ("rotation", "position_mm", "axis", "origin_mm"):
             assert_same(getattr(each.reached, name), getattr(reached, name))
         for i, (mark, s) in enumerate(receivers):
