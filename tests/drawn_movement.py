@@ -67,7 +67,13 @@ def curves(rows: Iterable[Row], models: Sequence[str] = MODELS) -> list[Row]:
             angle = 30.0 + n % 7 + (20.0 if row["group"] == "A" else 10.0) * np.sin(np.pi * percent / 100)
             missing = row["subject"] == "P00" and percent < 20
             numbers = {"mean_deg": None if missing else angle, "n_cycles": 0 if missing else 5}
-            of = {"model": model, "event": "tap", "joint": joint, "angle": "flexion", "percent": percent}
+            of = {
+                "model": model,
+                "event": "tap",
+                "joint": joint,
+                "angle": "flexion",
+                "cycle_percent": percent,
+            }
             drawn.append(keys | of | numbers)
     return drawn
 

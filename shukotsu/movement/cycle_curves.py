@@ -78,7 +78,7 @@ def curve_rows(
                 "event": of_event[0].event,
                 "joint": series.joint,
                 "angle": series.angle,
-                "percent": percent,
+                "cycle_percent": percent,
                 "mean_deg": float(mean[percent]) if count else None,
                 "sd_deg": float(sd[percent]) if count > 1 else None,
                 "n_cycles": count,

@@ -291,7 +291,7 @@ def _carried_postures(
 ) -> Array:
     """Quaternions (T, 4) of a metacarpal that is carried by a receiver or the hand, or stays at rest."""
     if metacarpal.mode == "rest":
-        direction = np.array(model.metacarpals.rest_direction)
+        direction = np.array(model.metacarpals.rest_direction, float)
         upright = np.eye(3)[2] if np.abs(direction[:2]).any() else np.eye(3)[1]
         return np.tile(from_matrix(bone_frame(direction, upright)), (len(poses.frame), 1))
     bone = metacarpal.bone

@@ -131,7 +131,7 @@ class StudyMovement:
         level_of : by subject; a subject without a level is in none. Of a task's events those that most
         subjects have.
         """
-        means = _subject_means(self.curves, ["task", "event", "joint", "percent"], "mean_deg")
+        means = _subject_means(self.curves, ["task", "event", "joint", "cycle_percent"], "mean_deg")
         means = means.assign(level=means["subject"].map(dict(level_of))).dropna(subset=["level", "mean_deg"])
         curves: dict[tuple[str, str], dict[str, dict[str, Curve]]] = {}
         for task in self.tasks:
@@ -141,7 +141,7 @@ class StudyMovement:
                 of_joints = curves.setdefault((task, str(event)), {})
                 of_event = of_task[of_task["event"] == event]
                 for (joint, level), rows in of_event.groupby(["joint", "level"], sort=False):
-                    numbers = rows.groupby("percent")["mean_deg"].agg(["mean", "std", "count"])
+                    numbers = rows.groupby("cycle_percent")["mean_deg"].agg(["mean", "std", "count"])
                     columns = numbers.reindex(PERCENT).to_numpy(float).T
                     of_joints.setdefault(str(joint), {})[str(level)] = Curve(
                         columns[0], columns[1], np.nan_to_num(columns[2])

@@ -71,7 +71,7 @@ class CycleCurvesRow(TypedDict, total=False):
     event: str
     joint: str
     angle: str
-    percent: int
+    cycle_percent: int
     mean_deg: float | MaybeNone
     sd_deg: float | MaybeNone
     n_cycles: int

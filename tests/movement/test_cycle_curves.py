@@ -37,7 +37,7 @@ def column(rows: list[dict[str, Any]], name: str) -> list[float]:
 def test_a_sine_over_its_own_cycles_comes_back_without_spread() -> None:
     cycles = cut_cycles("tap", TIME_S[::96].tolist(), [np.nan] * 10)
     rows = rows_of_cycles(TIME_S, course((TIME_S - 5.0) / (96 * STEP_S)), cycles)
-    assert column(rows, "percent") == PERCENT.tolist() == list(range(101))
+    assert column(rows, "cycle_percent") == PERCENT.tolist() == list(range(101))
     assert {row["n_cycles"] for row in rows} == {len(cycles)} == {9}
     np.testing.assert_allclose(column(rows, "mean_deg"), course(PERCENT / 100), atol=0.01)
     np.testing.assert_allclose(column(rows, "sd_deg"), 0.0, atol=1e-9)
@@ -63,12 +63,12 @@ def test_a_cycle_counts_only_where_it_is_measured(lost: bool) -> None:
     angle, gap = course((TIME_S - 5.0) / (96 * STEP_S)), np.arange(960) // 12 == 11  # 37.5 to 50 % of the 2nd
     time_s = TIME_S[~gap] if lost else TIME_S
     rows = rows_of_cycles(time_s, angle[~gap] if lost else np.where(gap, np.nan, angle), cycles)
-    without = [row["percent"] for row in rows if row["n_cycles"] == 8]
+    without = [row["cycle_percent"] for row in rows if row["n_cycles"] == 8]
     assert without == list(range(37, 50)), "a point between a frame with an angle and a gap has none"
     assert {row["n_cycles"] for row in rows} == {8, 9}
     np.testing.assert_allclose(column(rows, "mean_deg"), course(PERCENT / 100), atol=0.01)
     alone = rows_of_cycles(time_s, angle[~gap] if lost else np.where(gap, np.nan, angle), cycles[1:2])
-    assert [row["percent"] for row in alone if row["mean_deg"] is None] == without
+    assert [row["cycle_percent"] for row in alone if row["mean_deg"] is None] == without
     assert {row["sd_deg"] for row in alone} == {None}, "one cycle has no spread"
 
 

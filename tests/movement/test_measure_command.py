@@ -258,7 +258,7 @@ def test_curves_are_the_angles_over_the_cycles_that_are_used(measured: Measured)
         for row in measured.rows("movement_cycles", hand="right", task=TASK, event="tap", used=True)
     ]
     curve = rows[(rows["joint"] == "ring_pip") & (rows["angle"] == "flexion") & (rows["event"] == "tap")]
-    assert curve["percent"].tolist() == list(range(101))
+    assert curve["cycle_percent"].tolist() == list(range(101))
     assert set(curve["n_cycles"]) == {len(courses)} == {4}
     np.testing.assert_allclose(curve["mean_deg"], np.mean(courses, axis=0), atol=1e-6)
     np.testing.assert_allclose(curve["sd_deg"], np.std(courses, axis=0, ddof=1), atol=1e-6)

@@ -127,7 +127,7 @@ def test_groups_move_over_the_cycle_in_two_colours(
     """Each subject's own mean cycle first, over sessions; a subject counts where it is measured."""
     rows = pd.DataFrame(drawn.curves(RECORDINGS, FITTED_MODELS))
     rows = rows[(rows["model"] == "whole-hand") & (rows["joint"] == "index_pip")]
-    own = rows.astype({"mean_deg": float}).pivot_table("mean_deg", "subject", "percent", dropna=False)
+    own = rows.astype({"mean_deg": float}).pivot_table("mean_deg", "subject", "cycle_percent", dropna=False)
     figure, caption = study_cycles(results, movement, subject_groups(groups_study))
     assert [axes.get_title("right") for axes in figure.axes] == [
         "index_mcp, n = 5–6, 6", "index_pip, n = 5–6, 6"

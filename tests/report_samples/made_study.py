@@ -249,7 +249,7 @@ def cycle_rows(key: dict[str, str], part: Part) -> list[Row]:
     joints = [name for name in LAYOUT.joints if name.endswith(("_mcp", "_pip")) and part.hand == "right"]
     return [
         key
-        | {"event": "tap", "joint": joint, "angle": angle.removesuffix("_deg"), "percent": percent}
+        | {"event": "tap", "joint": joint, "angle": angle.removesuffix("_deg"), "cycle_percent": percent}
         | {"mean_deg": 10.0 * n + 20 * np.sin(percent / 16 + level), "sd_deg": 2.0 + n}
         | {"n_cycles": 2 if 40 <= percent < 50 else 3}
         for level, joint in enumerate(joints)
