@@ -39,24 +39,39 @@ def joint_angles(
     rest: Float[Array, " 4"] | None = None,
     axes: Float[Array, " 4"] | None = None,
 ) -> Float[Array, "*n 3"]:
-    """Flexion, deviation and axial rotation (..., 3) in degrees of a joint from the poses of its two bones.
+    """Compute flexion, deviation and axial rotation of a joint from the poses of its two bones.
 
-    Signed as the module says; flexion and rotation within (-180, 180], not unwrapped, deviation within
-    [-90, 90]. Beyond a deviation of 85 deg errors of pose come out more than eleven times larger in the other
-    two, which turn about nearly the same axis.
+    Beyond a deviation of 85 deg errors of pose come out more than eleven times larger in the other two
+    angles, which turn about nearly the same axis. At a deviation of exactly +-90 deg axial rotation is set to
+    0 and flexion takes the whole rotation, so that the angles still reproduce the pose.
 
-    parent, child : (..., 4) unit quaternions (w, x, y, z), bone to transmitter; the shapes broadcast. Any
-    frame common to both will do. NaN gives NaN. hand : right or left.
-    rest : (4,) child to parent at neutral, in this hand's own frames (`mirror_rotations` turns a right hand's
-    into a left one's); None where the bones' frames are parallel at neutral. All angles are zero at the rest,
-    and they are about the child's axes: e1 is where the child's y is at neutral, fixed in the parent. A
-    thumb's metacarpal, which stands across the hand, needs one: without it, its flexion would be about the
-    hand's axis, and its angles would hold a large constant.
+    Parameters
+    ----------
+    parent, child : array, shape (..., 4)
+        Unit quaternions (w, x, y, z), bone to transmitter frame, or to any frame common to both; the shapes
+        broadcast. NaN gives NaN.
+    hand : str
+        right or left.
+    rest : array, shape (4,), optional
+        Child to parent at neutral, where all angles are zero, in this hand's own frames (`mirror_rotations`
+        turns a right hand's into a left one's). Without it the bones' frames are parallel at neutral. A
+        thumb's metacarpal, which stands across the hand, needs one: else its flexion would be about the
+        hand's axis, and its angles would hold a large constant.
+    axes : array, shape (4,), optional
+        How the joint's axes stand in the child's frame; without it they are that frame's. e1 is where the
+        child's y is at neutral, fixed in the parent.
 
-    axes : (4,) how the joint's axes stand in the child's frame; None where they are that frame's.
+    Returns
+    -------
+    array, shape (..., 3)
+        Degrees, signed as the module says; flexion and rotation within (-180, 180], not unwrapped, deviation
+        within [-90, 90].
 
-    At a deviation of exactly +-90 deg axial rotation is set to 0 and flexion takes the whole rotation, so
-    that the angles still reproduce the pose. Raises InputError where hand is neither right nor left.
+    Raises
+    ------
+    InputError
+        Where hand is neither right nor left.
+
     """
     sign = _sign(hand)
     relative = multiply(conjugate(parent), child)
@@ -78,10 +93,27 @@ def joint_rotation(
     rest: Float[Array, " 4"] | None = None,
     axes: Float[Array, " 4"] | None = None,
 ) -> Float[Array, "*n 4"]:
-    """Child-to-parent unit quaternions (..., 4) of angles (..., 3), the inverse of `joint_angles`.
+    """Compute the rotations of a child against its parent from joint angles, the inverse of `joint_angles`.
 
-    The child's pose is `multiply(parent, joint_rotation(...))`. hand, rest, axes : as in `joint_angles`.
-    Raises InputError where hand is neither right nor left.
+    The child's pose is `multiply(parent, joint_rotation(...))`.
+
+    Parameters
+    ----------
+    angles_deg : array, shape (..., 3)
+        Flexion, deviation, axial rotation.
+    hand, rest, axes
+        As in `joint_angles`.
+
+    Returns
+    -------
+    array, shape (..., 4)
+        Unit quaternions (w, x, y, z), child to parent.
+
+    Raises
+    ------
+    InputError
+        Where hand is neither right nor left.
+
     """
     signed_rad = np.radians(angles_deg) * np.array([1.0, _sign(hand), _sign(hand)])
     about_y, about_z, about_x = (
@@ -93,9 +125,20 @@ def joint_rotation(
 
 
 def mirror_rotations(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
-    """Quaternions (..., 4) of one hand as those of the other hand in the mirrored posture.
+    """Mirror rotations of one hand's bones into those of the other hand in the mirrored posture.
 
     The mirror is the plane of x and z; x stays distal and z dorsal, so y goes from one side to the other.
+
+    Parameters
+    ----------
+    quaternion : array, shape (..., 4)
+        Quaternions (w, x, y, z).
+
+    Returns
+    -------
+    array, shape (..., 4)
+        The mirrored ones.
+
     """
     return np.asarray(quaternion * np.array([1.0, -1.0, 1.0, -1.0]))
 

@@ -88,19 +88,38 @@ class Origin:
 class PosedRecording:
     """A hand's B bones over T frames under a model; bone 0 is the root, and parents come before children.
 
-    joints : the bones, each named by the joint that it starts at. position_mm : (T, B, 3) of the joints and
-    quaternion : (T, B, 4) unit (w, x, y, z) of the bone frames, x distal and z dorsal, both in the
-    transmitter frame, NaN where not known; a tip has its bone's quaternion. receivers : the R receivers that
-    the bones come from, over the same frames (T,), by number and device time, NaN where there is none.
-    rest_offset_mm : (B, 3) each joint in its parent's bone frame by the bone's length; zeros for the root,
-    all NaN for a digit's first joint and for the skin beyond its last bone, of which no table but the motion
-    tells, and (NaN, 0, 0) where the bone before has no length. axis : (B, 3) unit, in its own bone frame, of
-    a joint of one degree of freedom; NaN where there is none.
-    left_out : digits that are not among the bones, and why. root_failure : why the root has no position.
-    rest : (B, 4) each bone against its parent, on average over time; neutral : (B, 4) where its joint angles
-    are zero (docs/movement.md), NaN where no anatomy says; both from `hand.neutral_bones.at_rest` on.
-    origin : whose motion it is. rate_hz : frames a second, NaN where the times do not tell. notes :
-    sentences, in order, on what is left out and what was done to the motion since it was read.
+    Parameters
+    ----------
+    joints : tuple of SkeletonJoint, length B
+        The bones, each named by the joint that it starts at.
+    position_mm : array, shape (T, B, 3)
+        Of the joints, in the transmitter frame; NaN where not known.
+    quaternion : array, shape (T, B, 4)
+        Unit (w, x, y, z), bone to transmitter frame, x distal and z dorsal; NaN where not known. A tip has
+        its bone's.
+    receivers : Poses
+        The R receivers that the bones come from, over the same frames, by number and device time, NaN where
+        there is none.
+    rest_offset_mm : array, shape (B, 3)
+        Each joint in its parent's bone frame by the bone's length; zeros for the root, all NaN for a digit's
+        first joint and for the skin beyond its last bone, of which no table but the motion tells, and
+        (NaN, 0, 0) where the bone before has no length.
+    axis : array, shape (B, 3)
+        Unit vector in its own bone's frame, of a joint of one degree of freedom; NaN where there is none.
+    left_out : mapping of str to str
+        Digits that are not among the bones, and why.
+    root_failure : str
+        Why the root has no position.
+    rest, neutral : array, shape (B, 4)
+        Each bone against its parent, on average over time, and where its joint angles are zero
+        (docs/movement.md), NaN where no anatomy says; both from `hand.neutral_bones.at_rest` on.
+    origin : Origin
+        Whose motion it is.
+    rate_hz : float
+        Frames a second, NaN where the times do not tell.
+    notes : tuple of str
+        Sentences, in order, on what is left out and what was done to the motion since it was read.
+
     """
 
     joints: tuple[SkeletonJoint, ...]
@@ -304,10 +323,19 @@ def fitted_bones(
 
 
 def rigid_positions(posed: PosedRecording) -> Array:
-    """Place bones of constant length, (T, B, 3): each joint at its rest offset from its parent.
+    """Place bones of constant length: each joint at its rest offset from its parent.
 
-    A joint without a parent, or whose offset is all NaN (a digit's first), stays where it is. The tips of
-    `receiver_bones` so placed are those of the least-squares binding.
+    Parameters
+    ----------
+    posed : PosedRecording
+        The hand, over T frames and B bones.
+
+    Returns
+    -------
+    array, shape (T, B, 3)
+        mm, transmitter frame. A joint without a parent, or whose offset is all NaN (a digit's first), stays
+        where it is. The tips of `receiver_bones` so placed are those of the least-squares binding.
+
     """
     out = posed.position_mm.copy()
     for index, (joint, offset_mm) in enumerate(zip(posed.joints, posed.rest_offset_mm, strict=True)):

@@ -32,12 +32,26 @@ Angles = float | Sequence[float] | Array
 
 
 def read_file(path: Path) -> pd.DataFrame:
-    """Read any Parquet table of a study as a DataFrame, checked as the stages check it.
+    """Read any Parquet table of a study, checked as the stages check it.
 
-    A gap is pandas' missing value; an integer or a truth value that may be missing has pandas' nullable type.
-    `attrs` holds `table` (its name), `key` (the columns that tell rows apart), `units` and `descriptions` by
-    column. Raises InputError where the file is absent, damaged, another program's or another version's, and
-    where it holds the reason why its making failed.
+    Parameters
+    ----------
+    path : Path
+        A table's file.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A gap is pandas' missing value; an integer or a truth value that may be missing has pandas' nullable
+        type. `attrs` holds `table` (its name), `key` (the columns that tell rows apart), `units` and
+        `descriptions` by column.
+
+    Raises
+    ------
+    InputError
+        Where the file is absent, damaged, another program's or another version's, and where it holds the
+        reason why its making failed.
+
     """
     import pandas as pd
     import pyarrow as pa
@@ -76,9 +90,26 @@ def pose(
 ) -> PosedRecording:
     """Pose a hand's bones in one of its recordings, as a study's results have them under a model.
 
-    results : the study's folder, such as results/demo; it may have been moved. hand : right or left.
-    Raises InputError where the study has no such subject, recording or model, and where a table is absent or
-    its making failed.
+    Parameters
+    ----------
+    results : str or Path
+        The study's folder, such as results/demo; it may have been moved.
+    subject, hand, task, trial, session : str
+        The recording as the study names it; hand is right or left.
+    model : str
+        One of the study's models.
+
+    Returns
+    -------
+    PosedRecording
+        Joints and bones of every frame, in the transmitter frame.
+
+    Raises
+    ------
+    InputError
+        Where the study has no such subject, recording or model, and where a table is absent or its making
+        failed.
+
     """
     plan = _plan_in_place(Results(Path(results)).plan(subject, session))
     recording = _recording(plan, hand, task, trial)
@@ -89,12 +120,28 @@ def pose(
 
 
 def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecording:
-    """Return the same hand at joint angles (docs/movement.md), in the frame of the hand's own bone.
+    """Bend a hand to joint angles (docs/movement.md), in the frame of the hand's own bone.
 
-    angles_deg : by joint: flexion alone, or flexion, deviation and axial rotation, or these over time (T, 3);
-    a joint that is not named has all angles zero. Bones keep their lengths, and each digit starts where
-    it starts in the recording on average. Frames are counted from 0; time_s is NaN.
-    Raises InputError where a joint is not of the hand or two series differ in length.
+    Bones keep their lengths, and each digit starts where it starts in the recording on average.
+
+    Parameters
+    ----------
+    posed : PosedRecording
+        The hand, as `pose` returns it.
+    angles_deg : mapping of str to float, (3,) or (T, 3)
+        By joint: flexion alone, or flexion, deviation and axial rotation, or these over time. A joint that is
+        not named has all angles zero.
+
+    Returns
+    -------
+    PosedRecording
+        The same hand over T frames, counted from 0; time_s is NaN.
+
+    Raises
+    ------
+    InputError
+        Where a joint is not of the hand, or two series differ in length.
+
     """
     turns = {posed.index(joint): _series(joint, angles) for joint, angles in angles_deg.items()}
     counts = {len(turn) for turn in turns.values()} - {1}

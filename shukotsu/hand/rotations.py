@@ -15,9 +15,18 @@ _TINY = 1e-300
 
 
 def matrix(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 3 3"]:
-    """Rotation matrices of unit quaternions.
+    """Compute the rotation matrices of unit quaternions.
 
-    quaternion : array, shape (..., 4), unit (w, x, y, z). Returns shape (..., 3, 3).
+    Parameters
+    ----------
+    quaternion : array, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        The same rotations.
+
     """
     w, x, y, z = (quaternion[..., part] for part in range(4))
     out = np.empty((*quaternion.shape[:-1], 3, 3))
@@ -34,10 +43,20 @@ def matrix(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 3 3"]:
 
 
 def from_matrix(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 4"]:
-    """Unit quaternions (w >= 0) of rotation matrices.
+    """Compute the unit quaternions of rotation matrices, by the best conditioned of Shepperd's four formulas.
 
-    rotation : array, shape (..., 3, 3). Returns shape (..., 4), (w, x, y, z).
-    Uses, element by element, the best conditioned of the four formulas (Shepperd 1978).
+    Shepperd 1978, J Guid Control 1:223.
+
+    Parameters
+    ----------
+    rotation : array, shape (..., 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    array, shape (..., 4)
+        Unit quaternions (w, x, y, z), w >= 0.
+
     """
     m = rotation
     trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
@@ -61,7 +80,19 @@ def from_matrix(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 4"]:
 
 
 def multiply(first: Float[Array, "*#n 4"], second: Float[Array, "*#n 4"]) -> Float[Array, "*n 4"]:
-    """Hamilton product, shapes (..., 4): the rotation `second`, then the rotation `first`."""
+    """Compute the Hamilton product: the rotation `second`, then the rotation `first`.
+
+    Parameters
+    ----------
+    first, second : array, shape (..., 4)
+        Quaternions (w, x, y, z); the shapes broadcast.
+
+    Returns
+    -------
+    array, shape (..., 4)
+        Their product.
+
+    """
     aw, ax, ay, az = (first[..., part] for part in range(4))
     bw, bx, by, bz = (second[..., part] for part in range(4))
     w = aw * bw - ax * bx - ay * by - az * bz
@@ -79,7 +110,21 @@ def conjugate(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
 
 
 def rotate(quaternion: Float[Array, "*#n 4"], vector: Float[Array, "*#n 3"]) -> Float[Array, "*n 3"]:
-    """Vectors (..., 3) rotated by unit quaternions (..., 4); the shapes broadcast."""
+    """Rotate vectors by unit quaternions: v + 2 w (q x v) + 2 q x (q x v).
+
+    Parameters
+    ----------
+    quaternion : array, shape (..., 4)
+        Unit quaternions (w, x, y, z), frame of the vectors to the frame of the result.
+    vector : array, shape (..., 3)
+        In any unit; the shapes broadcast.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        In the same unit.
+
+    """
     w, x, y, z = (quaternion[..., part] for part in range(4))
     a, b, c = (vector[..., axis] for axis in range(3))
     u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
@@ -97,7 +142,21 @@ def left_matrix(quaternion: Float[Array, " 4"]) -> Float[Array, "4 4"]:
 
 
 def about_axis(axis: Array, angle_rad: Array | float) -> Array:
-    """Unit quaternions (..., 4) that turn by angle_rad (...) about unit axes (..., 3)."""
+    """Compute rotations by angles about axes.
+
+    Parameters
+    ----------
+    axis : array, shape (..., 3)
+        Unit vectors.
+    angle_rad : array, shape (...), or float
+        Right-handed about the axes.
+
+    Returns
+    -------
+    array, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+
+    """
     half = np.asarray(angle_rad, float)[..., None] / 2
     vector = np.sin(half) * axis
     return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], -1)
@@ -110,7 +169,19 @@ def angle(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
 
 
 def nearest_rotation(m: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
-    """The rotation matrix nearest (Frobenius) to each 3 x 3 matrix, shape (..., 3, 3)."""
+    """Compute the rotation matrix that is nearest (Frobenius) to each matrix, by its singular values.
+
+    Parameters
+    ----------
+    m : array, shape (..., 3, 3)
+        Of rank two at least.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        Rotation matrices.
+
+    """
     u, _, vt = np.linalg.svd(m)
     u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]
     return np.asarray(u @ vt)
@@ -123,9 +194,18 @@ def unit(vector: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
 
 
 def bone_frame(direction: Float[Array, "*#n 3"], dorsal: Float[Array, "*#n 3"]) -> Float[Array, "*n 3 3"]:
-    """Rotation matrices (..., 3, 3) of a bone's frame: x along `direction`, z towards `dorsal`.
+    """Compute the frames of bones: x along the bone, z towards its back, y = z x x.
 
-    Both (..., 3), in the frame that the result turns into; neither zero nor parallel.
+    Parameters
+    ----------
+    direction, dorsal : array, shape (..., 3)
+        Along the bone and roughly to its back, in one frame; neither zero nor parallel. The shapes broadcast.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        Rotation matrices, bone to the frame of the two.
+
     """
     x = unit(direction)
     z = unit(dorsal - x * np.sum(x * dorsal, -1, keepdims=True))
@@ -133,9 +213,21 @@ def bone_frame(direction: Float[Array, "*#n 3"], dorsal: Float[Array, "*#n 3"]) 
 
 
 def mean_rotation(quaternion: Float[Array, "n 4"]) -> Float[Array, " 4"]:
-    """The rotation (4,), w >= 0, nearest to all of (N, 4), signs aside; identity of none.
+    """Compute the rotation that is nearest to all of a set, signs of the quaternions aside.
 
-    Markley et al. 2007, J Guid Control Dyn 30:1193.
+    The eigenvector of the largest eigenvalue of their sum of products: Markley et al. 2007, J Guid Control
+    Dyn 30:1193.
+
+    Parameters
+    ----------
+    quaternion : array, shape (N, 4)
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    array, shape (4,)
+        Unit quaternion, w >= 0; the identity of an empty set.
+
     """
     if not len(quaternion):
         return np.array([1.0, 0.0, 0.0, 0.0])
@@ -162,7 +254,19 @@ def cross_matrix(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
 
 
 def exp_rotation(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
-    """Rotation matrices (..., 3, 3) of rotation vectors."""
+    """Compute the rotation matrices of rotation vectors, by Rodrigues' formula.
+
+    Parameters
+    ----------
+    vector : array, shape (..., 3)
+        Axis times angle, rad.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        Rotation matrices.
+
+    """
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     outer = vector[..., :, None] * vector[..., None, :]  # K K = v v^T - |v|^2, K being the cross matrix
     once, twice = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2

@@ -88,10 +88,23 @@ class StudyTables(Mapping[str, "pd.DataFrame"]):
 
 
 def read(path: str | Path) -> Any:
-    """Read a study's results: a Parquet table as a DataFrame, a folder's tables as `StudyTables`.
+    """Read a study's results: one table, or all of a study by name.
 
-    path : any table of a study, or the study's folder, such as results/demo; it may have been moved.
-    A gap is pandas' missing value; `attrs` holds `table` (its name), `key` (the columns that tell rows
-    apart), `units` and `descriptions` by column. Raises InputError where there is no such file or study.
+    Parameters
+    ----------
+    path : str or Path
+        Any table of a study, or the study's folder, such as results/demo; it may have been moved.
+
+    Returns
+    -------
+    pandas.DataFrame or StudyTables
+        Of a file: the table, a gap as pandas' missing value; `attrs` holds `table` (its name), `key` (the
+        columns that tell rows apart), `units` and `descriptions` by column. Of a folder: such tables by name.
+
+    Raises
+    ------
+    InputError
+        Where there is no such file or study, or the file is no table of this program.
+
     """
     return StudyTables(Path(path)) if Path(path).is_dir() else read_file(Path(path))
