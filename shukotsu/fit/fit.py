@@ -226,12 +226,34 @@ def fit_hand(
     measurements: Sequence[Measurement] = (),
     settings: FitSettings | None = None,
 ) -> HandFit:
-    """Fit a hand to its calibration recordings, all at once.
+    """Fit a hand to its calibration recordings, all at once (docs/whole-hand.md, sections 5 to 7).
 
-    recordings : of the same receivers, each in its own transmitter frame. hand : right or left.
-    hand_length_mm : wrist crease to the middle finger's tip; hand_breadth_mm : across the knuckles.
-    measurements : taken on the hand itself. A receiver that is never valid is ignored. Raises InputError
-    where fewer than two frames have half of the receivers, or a measurement names an unknown quantity.
+    Parameters
+    ----------
+    recordings : sequence of Poses
+        Of the same receivers, each in its own transmitter frame. A receiver that is never valid is ignored.
+    layout : Layout
+        Segments, joints and digits; digits of known anatomy have a prior.
+    hand : str
+        right or left.
+    hand_length_mm, hand_breadth_mm : float, optional
+        From the wrist crease to the middle finger's tip, and across the knuckles.
+    measurements : sequence of Measurement
+        Taken on the hand itself.
+    settings : FitSettings, optional
+        Number of frames and rounds.
+
+    Returns
+    -------
+    HandFit
+        The solved fit; its `summary` has joint centres (mm, in their receivers' frames), axes and bones, each
+        with its 1-sigma error.
+
+    Raises
+    ------
+    InputError
+        Where fewer than two frames have half of the receivers, or a measurement names an unknown quantity.
+
     """
     settings = settings or FitSettings()
     worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}

@@ -50,9 +50,22 @@ class PosedHand:
 
 
 def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> dict[str, Array]:
-    """Angles (T, 3) in degrees of the joints of known anatomy, by joint.
+    """Compute the joint angles of a posed hand, about the axes that the fit has found.
 
-    more_rad : by which the joints' axes are turned about their bones in addition.
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    posed : PosedHand
+        Its bones over T frames.
+    more_rad : float
+        By which the joints' axes are turned about their bones in addition.
+
+    Returns
+    -------
+    dict of str to array, shape (T, 3)
+        By joint of known anatomy: flexion, deviation and axial rotation, degrees (`hand.joint_angles`).
+
     """
     bone_of = dict(zip(posed.bones, np.moveaxis(posed.bone_quaternion, 1, 0), strict=True))
     return {
@@ -64,9 +77,22 @@ def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> di
 
 
 def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHand:
-    """Fit the joint angles of every frame over all receivers that are valid in it.
+    """Pose a fitted hand in every frame of a recording, by all receivers that are valid in it together.
 
-    blind : receivers whose positions are left out, which are then predicted from everything else.
+    Parameters
+    ----------
+    fit : HandFit
+        The hand; its unknowns stay.
+    poses : Poses
+        T frames of the receivers, transmitter frame.
+    blind : sequence of str
+        Receivers whose positions are left out, which are then predicted from everything else.
+
+    Returns
+    -------
+    PosedHand
+        Joint angles, bones and receivers' origins in every frame; NaN in frames with too few receivers.
+
     """
     frames = fit.evidence.convention.frames(poses)
     sd = fit.evidence.problem.sd.copy()

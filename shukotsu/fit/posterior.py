@@ -117,7 +117,25 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
 def centre_by_unknowns(
     joint: Joint, places: Mapping[str, Place], evidence: Evidence
 ) -> tuple[dict[str, Array], Array]:
-    """A joint's centre in both receivers' fitted frames, or NaN; derivative (6, G) in their own."""
+    """Compute a joint's centre in both receivers and its derivative by the unknowns.
+
+    Parameters
+    ----------
+    joint : Joint
+        Of the layout.
+    places : mapping of str to Place
+        Every marked frame at the mean posture (`places_of`).
+    evidence : Evidence
+        The solved fit.
+
+    Returns
+    -------
+    points : dict of str to array, shape (3,)
+        By segment of the receiver, mm in its fitted frame; NaN without a receiver.
+    by_x : array, shape (6, G)
+        Derivatives of both in the receivers' own frames, the parent's first.
+
+    """
     centre = places[evidence.model.centres[joint.name]]
     points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
     for side, segment in enumerate((joint.parent_receiver, joint.child)):

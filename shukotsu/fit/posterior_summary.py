@@ -29,12 +29,32 @@ STRANGE_SD = 5.0
 class FittedJoint:
     """One joint of a fitted hand.
 
-    parent_segment, child_segment : empty where one could be worn and is not. parent_mm, child_mm : (3,)
-    centre in each receiver's frame, NaN without one; of a joint that does not move, which has no axis and no
-    range, in the parent's alone, or the child's where the parent is empty. covariance_mm2 : (6, 6) of both.
-    axis_parent, axis_child : (3,) unit flexion axis; axis_sd_deg : of its direction. range_deg : of flexion
-    over the frames fitted. gap_rms_mm : of the centre in the recording. doubts : what is known against it
-    beside its numbers. message : why no receiver carries it.
+    Parameters
+    ----------
+    name : str
+        As the layout calls it.
+    parent_segment, child_segment : str
+        Segments of the receivers on both sides; empty where one could be worn and is not.
+    dof : int
+        Degrees of freedom.
+    parent_mm, child_mm : array, shape (3,)
+        Centre in each receiver's frame, NaN without one; of a joint that does not move, which has no axis and
+        no range, in the parent's alone, or the child's where the parent is empty.
+    covariance_mm2 : array, shape (6, 6)
+        Of both, mm^2.
+    axis_parent, axis_child : array, shape (3,)
+        Unit flexion axis in each receiver's frame.
+    axis_sd_deg : float
+        1-sigma error of its direction.
+    range_deg : float
+        Range of flexion over the frames fitted.
+    gap_rms_mm : float
+        Distance of the two halves of the centre in the recording, root mean square.
+    doubts : mapping
+        What is known against the centre beside its numbers.
+    message : str
+        Why no receiver carries it.
+
     """
 
     name: str
@@ -71,10 +91,22 @@ class FittedBone:
 class AngleAxes:
     """A joint's zero and the axes of its angles, of a right hand, in the frames of its bones.
 
-    rest : (4,) child to parent at zero, the straight digit as it lies in the flat hand; rest_by_x : (3, G)
-    how it turns in the parent's frame with the unknowns. turn_rad : by how much the axes stand about the
-    child bone from its frame, so that the first lies as the fitted axis of flexion does; turn_by_x : (G,);
-    turn_sd_deg : 1-sigma.
+    Parameters
+    ----------
+    parent, child : str
+        The bones.
+    rest : array, shape (4,)
+        Child to parent at zero, the straight digit as it lies in the flat hand, (w, x, y, z).
+    rest_by_x : array, shape (3, G)
+        How it turns in the parent's frame with the unknowns, rad.
+    turn_rad : float
+        By how much the axes stand about the child bone from its frame, so that the first lies as the fitted
+        axis of flexion does.
+    turn_by_x : array, shape (G,)
+        Its derivative by the unknowns.
+    turn_sd_deg : float
+        Its 1-sigma error.
+
     """
 
     parent: str
@@ -93,9 +125,23 @@ class AngleAxes:
 
 @dataclass(frozen=True)
 class HandSummary:
-    """Joints between two receivers; lone, beside which one could be worn and is not; palm, whose child
-    carries none; fixed centres, which do not move (the wrist, where it is no joint); zero and axes of the
-    angles.
+    """Joints, centres and bones of a fitted hand, each with its error.
+
+    Parameters
+    ----------
+    joints : dict of str to FittedJoint
+        Between two receivers.
+    lone : dict of str to FittedJoint
+        Beside which a receiver could be worn and is not.
+    palm : dict of str to FittedJoint
+        Whose child segment carries none.
+    fixed : dict of str to FittedJoint
+        Centres that do not move (the wrist, where it is no joint).
+    bones : dict of str to FittedBone
+        By segment.
+    angle_axes : dict of str to AngleAxes
+        Zero and axes of the angles, by joint.
+
     """
 
     joints: dict[str, FittedJoint]
@@ -106,7 +152,19 @@ class HandSummary:
 
 
 def summarise(evidence: Evidence) -> HandSummary:
-    """Joints and wrist of a solved fit."""
+    """Summarise a solved fit: centres at the mean posture, axes and bones (docs/whole-hand.md, section 8).
+
+    Parameters
+    ----------
+    evidence : Evidence
+        The solved fit and its posterior.
+
+    Returns
+    -------
+    HandSummary
+        Lengths in mm, angles in degrees, errors 1-sigma.
+
+    """
     places = places_of(evidence.model, evidence.posterior)
     joints: dict[str, FittedJoint] = {}
     lone: dict[str, FittedJoint] = {}
@@ -132,7 +190,21 @@ def summarise(evidence: Evidence) -> HandSummary:
 
 
 def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
-    """Variance per direction, mm^2, of a joint's centre beside all that is fitted; 0 without anatomy."""
+    """Compute what the model does not know of a joint's centre, U^2 of docs/whole-hand.md, section 8.
+
+    Parameters
+    ----------
+    joint : str
+        As the layout calls it.
+    evidence : Evidence
+        The solved fit.
+
+    Returns
+    -------
+    float
+        Variance per direction, mm^2, beside all that is fitted; 0 without known anatomy.
+
+    """
     for digit in known_digits(evidence.layout):
         if joint in digit.joints:
             if evidence.layout.joints[joint].dof == 1 and joint != digit.joints[0]:
@@ -143,10 +215,25 @@ def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
 
 
 def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
-    """Covariance (3, 3) that a point (3,) gains in a receiver's own frame as skin leaves no residual.
+    """Compute the covariance that skin adds to a point and that leaves no residual: W of section 8.
 
     A receiver that slides by c mm per rad moves centres by c mm and leaves no gap. The fit has the linear
     slides of a digit's receivers; of the rest, and of the back of the hand, it knows only the size.
+
+    Parameters
+    ----------
+    segment : str
+        Of the receiver.
+    point_mm : array, shape (3,)
+        In the receiver's own frame.
+    evidence : Evidence
+        The solved fit.
+
+    Returns
+    -------
+    array, shape (3, 3)
+        mm^2, in the receiver's own frame.
+
     """
     turn = evidence.convention.point_matrix(segment)
     if segment == evidence.model.receivers[0] and segment in evidence.model.mount:
