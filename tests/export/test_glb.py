@@ -193,8 +193,9 @@ def test_the_page_of_the_guide_shows_the_hand_move(
     assert [words for words in heard if ours(words)] == []
     assert len(picture) > 5000, "a page without a hand is smaller"
     tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
-    apart_mm = np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1)
+    apart_mm, time_s = (tips[:, 0] - tips[:, 1]).T, motion.time_s - motion.time_s[0]
     for words in seen:
         seconds, shown_mm = map(float, re.findall(r"[\d.]+", words))
-        at = np.interp([seconds - 5e-4, seconds, seconds + 5e-4], motion.time_s - motion.time_s[0], apart_mm)
+        rounded_s = seconds + np.linspace(-5e-4, 5e-4, 11)
+        at = np.linalg.norm([np.interp(rounded_s, time_s, part_mm) for part_mm in apart_mm], axis=0)
         assert at.min() - 0.06 <= shown_mm <= at.max() + 0.06
