@@ -117,7 +117,7 @@ def test_search_works_from_a_file(browser: Browser, site: Path, start: str, word
         assert [path for path in hits if not path.is_file()] == []
         page.page.locator(".md-search-result__link").first.click()
         page.wait(f"location.href.startsWith('{hits[0].as_uri()}')")
-        assert word in page.page.locator("article").inner_text().lower()
+        page.wait(f"document.querySelector('article')?.innerText.toLowerCase().includes('{word}')")
 
 
 @pytest.mark.parametrize("width", [390, 1280])
