@@ -123,7 +123,7 @@ class StudyMovement:
 
         Nothing is averaged over tasks.
         """
-        return _subject_means(self.ranges, ["task", *OF_ANGLE], RANGE)
+        return _means_by_subject(self.ranges, ["task", *OF_ANGLE], RANGE)
 
     def level_curves(self, level_of: Mapping[str, str]) -> dict[tuple[str, str], dict[str, dict[str, Curve]]]:
         """Return curves over subjects, by task and event, joint and level: of each subject's own mean cycle.
@@ -131,7 +131,7 @@ class StudyMovement:
         level_of : by subject; a subject without a level is in none. Of a task's events those that most
         subjects have.
         """
-        means = _subject_means(self.curves, ["task", "event", "joint", "cycle_percent"], "mean_deg")
+        means = _means_by_subject(self.curves, ["task", "event", "joint", "cycle_percent"], "mean_deg")
         means = means.assign(level=means["subject"].map(dict(level_of))).dropna(subset=["level", "mean_deg"])
         curves: dict[tuple[str, str], dict[str, dict[str, Curve]]] = {}
         for task in self.tasks:
@@ -149,7 +149,7 @@ class StudyMovement:
         return curves
 
 
-def _subject_means(numbers: pd.DataFrame, of: Sequence[str], value: str) -> pd.DataFrame:
+def _means_by_subject(numbers: pd.DataFrame, of: Sequence[str], value: str) -> pd.DataFrame:
     """Means by subject and the columns `of`: over trials, sessions, then hands."""
     whose = [*of, "subject", "hand", "session"]
     for _ in range(3):

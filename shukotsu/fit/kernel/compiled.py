@@ -7,7 +7,6 @@ another file of the kernel, the name under which it is cached ends in a digest o
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -35,15 +34,14 @@ def compiled(function: Function, signature: str | None = None) -> Function:
     process.
     """
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    name = function.__name__
+    stem, name = Path(function.__code__.co_filename).stem, function.__name__
     function.__qualname__ = f"{name}_{_DIGEST}"
-    cached = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}"
+    cached = f"{stem}.{function.__qualname__}"
     folders.setdefault(cached)
     try:
-        folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
-        folders[cached] = folder
-        for index in folder.glob(f"{Path(function.__code__.co_filename).stem}.{name}[-_]*.nbi"):
-            if not re.match(rf"\w+\.{name}_{_DIGEST}-", index.name):
+        folder = folders[cached] = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
+        for index in folder.glob(f"{stem}.{name}_{'?' * len(_DIGEST)}-*.nbi"):
+            if not index.name.startswith(f"{cached}-"):
                 with suppress(OSError):  # another process was first
                     index.unlink()
         return cast(Function, numba.njit(signature, cache=True, **options)(function))

@@ -48,7 +48,7 @@ from shukotsu.tables.poses import pose_blocks
 from shukotsu.tables.subjects import path_token
 from shukotsu.translation import N_, tr, word
 
-_STRIP_MM, _ANGLE_MM, _CURVE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 28.0, 9.0, 8
+_STRIP_MM, _ANGLE_MM, _CURVE_MM, _MARKS = 20.0, 18.0, 28.0, 8
 """Heights, and about how many marks tell a line apart from others; they are no samples."""
 _GAP_STEPS = 1.9
 """A step between valid samples that is so many times the usual one is a gap: one missing frame makes it 2."""
@@ -200,7 +200,7 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
 
     panels = []
     for digit in digits:
-        foot_mm = _FOOT_MM if digit == digits[-1] else 1.0
+        foot_mm = FOOT_MM if digit == digits[-1] else 1.0
         panels.append(Panel(title(digit), title(digit), _STRIP_MM, foot_mm, partial(draw, digit=digit)))
     models = [name for name in results.models if any(model == name for model, _ in traces)]
     handles = [
@@ -257,7 +257,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
         last = line is lines[-1]
         rows.append(
             [
-                Panel(word(joint), word(joint), _ANGLE_MM, _FOOT_MM if last else 1.0,
+                Panel(word(joint), word(joint), _ANGLE_MM, FOOT_MM if last else 1.0,
                       partial(draw, joint=joint, first=joint == line[0], last=last))
                 for joint in line
             ]
