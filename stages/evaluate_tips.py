@@ -33,7 +33,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
     """Replay every skeleton of the plan in its recordings, write both tables."""
     from shukotsu.paper.replay import write_replay
     from shukotsu.tables.catalogue import TABLES
-    from shukotsu.tables.parts import part_metadata
+    from shukotsu.tables.parts import opened_once, part_metadata
 
     plan = subject_stage.plan_of(arguments)
     made_of = [plan.table(name) for name in SKELETON_TABLES]
@@ -42,10 +42,10 @@ def evaluate(arguments: argparse.Namespace) -> None:
     files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
     provenance = subject_stage.provenance_of(plan, made_of, files)
     subject_stage.check_made_together(*made_of)
-    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+    with opened_once() as opened, subject_stage.writing(arguments, WRITES, provenance) as tables:
         for part in plan.parts():
             with subject_stage.recording_failure(arguments, part, *tables.values()):
-                write_replay(plan, part, tables["tips"], tables["tip_errors"])
+                write_replay(plan, part, opened, tables["tips"], tables["tip_errors"])
 
 
 main = subject_stage.script(build_parser, evaluate, WRITES)

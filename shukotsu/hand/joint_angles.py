@@ -78,11 +78,12 @@ def joint_angles(
     change = relative if rest is None else multiply(conjugate(rest), relative)
     turn = matrix(change if axes is None else multiply(multiply(conjugate(axes), change), axes))
     reach = np.hypot(turn[..., 0, 0], turn[..., 2, 0])
+    flexion = np.arctan2(-turn[..., 2, 0], turn[..., 0, 0])
+    rotation = sign * np.arctan2(-turn[..., 1, 2], turn[..., 1, 1])
     locked = reach < _LOCKED
-    flexion = np.where(
-        locked, np.arctan2(turn[..., 0, 2], turn[..., 2, 2]), np.arctan2(-turn[..., 2, 0], turn[..., 0, 0])
-    )
-    rotation = np.where(locked, 0.0, sign * np.arctan2(-turn[..., 1, 2], turn[..., 1, 1]))
+    if locked.any():
+        flexion = np.where(locked, np.arctan2(turn[..., 0, 2], turn[..., 2, 2]), flexion)
+        rotation = np.where(locked, 0.0, rotation)
     abduction_deg = np.degrees(sign * np.arctan2(turn[..., 1, 0], reach))
     return np.stack([_half_open_deg(flexion), abduction_deg, _half_open_deg(rotation)], -1)
 

@@ -60,11 +60,11 @@ def rest_rotations(
     layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
 ) -> dict[str, Array]:
     """Quaternion (4,) of joints of known anatomy, child to parent, straight and flat, by joint."""
-    rests = {}
+    turns = {}
     for digit in known_digits(layout):
         above = np.eye(3)
         for joint, frame in zip(digit.joints, anatomy[digit.name].frames(), strict=True):
-            rest = from_matrix(above.T @ frame)
-            rests[joint] = mirror_rotations(rest) if hand == "left" else rest
+            turns[joint] = above.T @ frame
             above = frame
-    return rests
+    rests = from_matrix(np.array([*turns.values()]).reshape(-1, 3, 3))
+    return dict(zip(turns, mirror_rotations(rests) if hand == "left" else rests, strict=True))

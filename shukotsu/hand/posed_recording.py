@@ -7,7 +7,6 @@ numbers of every table that has rows frame by frame (joint angles, tips, errors)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -30,7 +29,7 @@ from shukotsu.tables.catalogue import (
     MOVED_RECEIVERS,
     POSED_TIPS,
 )
-from shukotsu.tables.parts import Part, PartsReader, open_parts, read_part
+from shukotsu.tables.parts import Opened, Part, open_parts, read_part
 from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks, read_every, seen_segments
 from shukotsu.tables.typed_table import Table, rows_of
 
@@ -39,18 +38,22 @@ BLOCK_FRAMES = 1 << 14
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 
-Opened = Callable[[Path, Table], AbstractContextManager[PartsReader]]
 T = TypeVar("T")
 
 
 def read_skeleton(
-    joint_centres: Path, bone_lengths: Path, layout: Layout, model: SkeletonModel, part: Part
+    tables: Callable[[str], Path], opened: Opened, layout: Layout, model: SkeletonModel, part: Part
 ) -> Skeleton:
-    """Read one hand under one model. Raises InputError where a table is absent or its making failed."""
-    joints, bones = (
-        list(rows_of(read_part(path, table, part)))
-        for path, table in ((joint_centres, JOINT_CENTRES), (bone_lengths, BONE_LENGTHS))
-    )
+    """Read one hand under one model. Raises InputError where a table is absent or its making failed.
+
+    tables, opened : as in `RecordingReader`.
+    """
+
+    def rows(table: Table) -> list[Any]:
+        with opened(tables(table.name), table) as parts:
+            return parts.rows(part)
+
+    joints, bones = rows(JOINT_CENTRES), rows(BONE_LENGTHS)
     return Skeleton(
         layout,
         model,
@@ -89,8 +92,7 @@ class RecordingReader:
     @cached_property
     def skeleton(self) -> Skeleton:
         """Joints and bones."""
-        joints, bones = self.tables(JOINT_CENTRES.name), self.tables(BONE_LENGTHS.name)
-        return read_skeleton(joints, bones, self.layout, self.model, self.part)
+        return read_skeleton(self.tables, self.opened, self.layout, self.model, self.part)
 
     @cached_property
     def moved(self) -> list[Any]:
@@ -128,6 +130,8 @@ class RecordingReader:
 
     def pose_blocks(self) -> Iterator[Poses]:
         """Read the receivers' poses so many frames at a time, at least one block, which may be empty."""
+        if self.n_frames <= BLOCK_FRAMES:
+            return iter((self.poses(),))
         return pose_blocks(self.poses_file, self.layout.measured, BLOCK_FRAMES)
 
     def bones(self, poses: Poses, skeleton: Skeleton | None = None) -> PosedRecording:
@@ -204,9 +208,11 @@ def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
         return None
 
 
-def recording_reader(plan: SubjectPlan, recording: Recording, model: str) -> RecordingReader:
+def recording_reader(
+    plan: SubjectPlan, recording: Recording, model: str, opened: Opened = open_parts
+) -> RecordingReader:
     """Return the reader of a recording of a plan under one of its models."""
     hand = recording.hand.hand
     tables = partial(plan.table, hand=hand, model=model)
     of_hand = recording, plan.layouts[hand], plan.models[model]
-    return RecordingReader(*of_hand, plan.part(hand, model), plan.poses(recording), tables)
+    return RecordingReader(*of_hand, plan.part(hand, model), plan.poses(recording), tables, opened)

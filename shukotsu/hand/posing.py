@@ -264,7 +264,7 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
     axes = layout.segments[segment]
     align = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
     root = point.position_mm(poses), _frame_rotations(poses, segment, align), NO_AXIS
-    build = _Builder(SkeletonJoint(name, -1, segment), root)
+    build, frames = _Builder(SkeletonJoint(name, -1, segment), root), _bone_frames(skeleton)
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, skeleton.model, skeleton.joints)
         if isinstance(chain, str):
@@ -282,7 +282,8 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
             length_mm if np.isfinite(length_mm) else _number(row["length_mm"])
             for length_mm, row in zip(lengths_mm, rows, strict=True)
         ]
-        build.add_digit(skeleton, digit, _receiver_digit(skeleton, digit, poses, turn), lengths_mm)
+        placed = _receiver_digit(skeleton, digit, poses, turn, frames)
+        build.add_digit(skeleton, digit, placed, lengths_mm)
     return build.bones(poses, root_failure)
 
 
@@ -429,19 +430,30 @@ def root_names(layout: Layout) -> tuple[str, str]:
     return base, base
 
 
-def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: Array) -> list[_Placed]:
-    """Joints and tip of one digit. metacarpal : (T, 4), of a digit that has one."""
-    layout = skeleton.layout
-    *points, end = digit_points(digit, layout, skeleton.model, skeleton.joints)
+def _bone_frames(skeleton: Skeleton) -> dict[tuple[str, str], Array]:
+    """Rotation (4,) from each bone's frame to that of the receiver that drives it, by digit and bone."""
+    dorsal = np.array([skeleton.layout.segments[segment].dorsal for _, segment in skeleton.bones])
+    along_mm = np.array([vector_of(row, "", "_mm") for row in skeleton.bones.values()])
+    frames = bone_frame(along_mm.reshape(-1, 3), dorsal.reshape(-1, 3))
+    return dict(zip(skeleton.bones, from_matrix(frames), strict=True))
+
+
+def _receiver_digit(
+    skeleton: Skeleton,
+    digit: Digit,
+    poses: Poses,
+    metacarpal: Array,
+    frames: Mapping[tuple[str, str], Array],
+) -> list[_Placed]:
+    """Joints and tip of one digit. metacarpal : (T, 4), of a digit that has one. frames : `_bone_frames`."""
+    *points, end = digit_points(digit, skeleton.layout, skeleton.model, skeleton.joints)
     placed: list[_Placed] = []
     for index, (name, segment, point) in enumerate(zip(digit.joints, digit.segments, points, strict=True)):
         position = point.position_mm(poses)
         if index == 0 and digit.metacarpal:
             placed.append((position, metacarpal, NO_AXIS))
             continue
-        row = skeleton.bones[digit.name, segment]
-        dorsal = np.array(layout.segments[segment].dorsal)
-        align = from_matrix(bone_frame(vector_of(row, "", "_mm"), dorsal))
+        row, align = skeleton.bones[digit.name, segment], frames[digit.name, segment]
         joint, axis = skeleton.joints.get(name), NO_AXIS
         if joint is not None and joint["dof"] == 1 and joint["axis_child_x"] is not None:  # a hinge's
             axis = rotate(conjugate(align), vector_of(joint, "axis_child_"))

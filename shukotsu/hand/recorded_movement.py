@@ -144,11 +144,9 @@ def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
 def read_movement(reader: RecordingReader) -> RecordedMovement:
     """Pass over a recording. Raises InputError where a table cannot be read."""
     layout, hand = reader.layout, reader.part.hand
-    facing: dict[int, Array] = {}
-    if not reader.is_fitted:
-        some = reader.bones(reader.poses(max(1, reader.n_frames // _FACING_FRAMES)))
-        facing = to_nail_side(layout, hand, some.joints, some.quaternion)
+    facing: dict[int, Array] | None = None
     count, start = reader.n_frames, 0
+    every = max(1, count // _FACING_FRAMES)
     frame, time_s = np.empty(count, np.int64), np.empty(count)
     angles: dict[str, Array] = {}
     tips: dict[str, Array] = {}
@@ -166,6 +164,10 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
         blocks = [(tips, block_tips), (bases, block_bases)]
         if not reader.is_fitted:
             left_out = bones.left_out
+            if facing is None:
+                whole = count == len(poses.frame)
+                some = bones.take(slice(None, None, every)) if whole else reader.bones(reader.poses(every))
+                facing = to_nail_side(layout, hand, some.joints, some.quaternion)
             blocks.append((angles, bone_angles_deg(layout, hand, bones, facing)))
         for series, block in blocks:
             for name, values in block.items():

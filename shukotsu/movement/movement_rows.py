@@ -14,13 +14,14 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shukotsu.arrays import Array, Bools
 from shukotsu.hand.known_digits import leading_model
-from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.hand.posed_recording import RecordingReader, recording_reader
 from shukotsu.hand.recorded_movement import (
     ANGLES,
     ERRORS,
@@ -32,12 +33,12 @@ from shukotsu.hand.recorded_movement import (
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.movement.cycle_curves import averaged_cycles, curve_rows
 from shukotsu.movement.events import Cycle, TimedEvent, cycles_of, events_of, struck_events
-from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, speed
+from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, percentiles, speed
 from shukotsu.movement.strokes import stroke_rows
 from shukotsu.study import subject_stage
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
-from shukotsu.tables.parts import Part, PartsWriter
+from shukotsu.tables.parts import PartsWriter, opened_once
 from shukotsu.tables.poses import usable_poses
 
 if TYPE_CHECKING:
@@ -66,11 +67,24 @@ class AngleErrors:
     session_change_sd_deg: Array
 
 
-def angle_range(angle_deg: Array, errors: AngleErrors) -> RangesOfMotionRow:
-    """Return the range of an angle (T,) without gaps, one frame at least: columns of ranges_of_motion."""
-    percent = [LOW_PERCENT, 50.0, HIGH_PERCENT, _ENDS_PERCENT, 100.0 - _ENDS_PERCENT]
-    low, middle, high, below, above = np.percentile(angle_deg, percent)
-    ends = (angle_deg <= below, angle_deg >= above)
+RANGE_PERCENT = (LOW_PERCENT, 50.0, HIGH_PERCENT, _ENDS_PERCENT, 100.0 - _ENDS_PERCENT)
+"""Percentiles of an angle that its range is told by."""
+
+
+def angle_range(angle_deg: Array, errors: AngleErrors | None, percentiles_deg: Array) -> RangesOfMotionRow:
+    """Return the range of an angle: columns of ranges_of_motion.
+
+    Parameters
+    ----------
+    angle_deg : array, shape (T,)
+        Without gaps, one frame at least.
+    errors : AngleErrors or None
+        None where the model states none.
+    percentiles_deg : array, shape (5,)
+        Of the angle, at `RANGE_PERCENT`.
+
+    """
+    low, middle, high, below, above = percentiles_deg
     row: RangesOfMotionRow = {
         "range_deg": float(high - low),
         "low_deg": float(low),
@@ -78,8 +92,9 @@ def angle_range(angle_deg: Array, errors: AngleErrors) -> RangesOfMotionRow:
         "full_range_deg": float(np.ptp(angle_deg)),
         "median_deg": float(middle),
     }
-    if np.isnan(errors.sd_deg).all():  # none is stated
+    if errors is None or np.isnan(errors.sd_deg).all():
         return row
+    ends = (angle_deg <= below, angle_deg >= above)
     frame = float(errors.change_sd_deg.min())
     by_hand = _at_ends(np.sqrt(np.maximum(errors.change_sd_deg**2 - frame**2, 0.0)), ends)
     range_deg = row["range_deg"]
@@ -114,28 +129,32 @@ LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
-def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[RangesOfMotionRow]:
-    """Return the row of ranges_of_motion of an angle.
+def range_rows(angles: Sequence[AngleSeries], grid: Grid | None) -> Iterator[RangesOfMotionRow]:
+    """Rows of ranges_of_motion of the angles of a recording, or of some of its joints.
 
     An angle that a joint lacks beside another that it has is none.
     """
-    finite = ~np.isnan(series.angle_deg)
-    row: RangesOfMotionRow = {"joint": series.joint, "angle": series.angle}
-    row["n_frames"], row["valid_percent"] = _coverage(finite)
-    if not finite.any():
-        if series.angle == "flexion":
-            yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
-        return
-    errors_deg = [np.full(int(finite.sum()), np.nan)] * len(ERRORS)
-    if series.errors_deg is not None:
-        errors_deg = [series.errors_deg[:, index, 0][finite] for index in range(len(ERRORS))]
-    row |= angle_range(series.angle_deg[finite], AngleErrors(*errors_deg))
+    angles_deg = np.stack([series.angle_deg for series in angles])
+    percentiles_deg = percentiles(angles_deg, RANGE_PERCENT)
+    speeds_deg_s = np.full((2, len(angles)), np.nan)
     if grid is not None:
-        speeds = _median_and_p95(_speeds(series.angle_deg[:, None, None], grid))
-        row |= {"speed_median_deg_s": speeds[0], "speed_p95_deg_s": speeds[1]}
-    status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
-    row["status"], row["message"] = _judge(row["valid_percent"], status, series.message, grid)
-    yield row
+        speeds_deg_s = _median_and_p95(_speeds(angles_deg.T[..., None], grid))
+    for index, series in enumerate(angles):
+        finite = ~np.isnan(series.angle_deg)
+        row: RangesOfMotionRow = {"joint": series.joint, "angle": series.angle}
+        row["n_frames"], row["valid_percent"] = _coverage(finite)
+        if not finite.any():
+            if series.angle == "flexion":
+                yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
+            continue
+        errors = None
+        if series.errors_deg is not None:
+            errors = AngleErrors(*(series.errors_deg[:, which, 0][finite] for which in range(len(ERRORS))))
+        row |= angle_range(series.angle_deg[finite], errors, percentiles_deg[:, index])
+        row["speed_median_deg_s"], row["speed_p95_deg_s"] = speeds_deg_s[:, index].tolist()
+        status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
+        row["status"], row["message"] = _judge(row["valid_percent"], status, series.message, grid)
+        yield row
 
 
 def left_out_rows(reasons: Mapping[str, str]) -> Iterator[RangesOfMotionRow]:
@@ -159,7 +178,7 @@ def path_rows(
             yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
             continue
         if grid is not None:
-            way, turn = (_speeds(series, grid) for series in (tip.place_mm, tip.pointing))
+            way, turn = _speeds(np.stack([tip.place_mm[..., 0], tip.pointing[..., 0]], 1), grid).T
             path_sd_mm = float("nan")
             if tip.skin:  # a tip that is off goes so much farther, or less far, as it turns
                 turned_rad = float(np.nansum(turn) * grid.step_s)
@@ -170,8 +189,7 @@ def path_rows(
                 "duration_s": float(moving.sum() * grid.step_s),
                 "path_sd_mm": path_sd_mm,
             }
-            median, p95 = _median_and_p95(way)
-            row |= {"speed_median_mm_s": median, "speed_p95_mm_s": p95}
+            row["speed_median_mm_s"], row["speed_p95_mm_s"] = _median_and_p95(way[:, None])[:, 0].tolist()
         status = "weak" if tip.message else "ok"
         row["status"], row["message"] = _judge(row["valid_percent"], status, tip.message, grid)
         yield row
@@ -194,20 +212,19 @@ def _judge(valid_percent: float, status: str, message: str, grid: Grid | None) -
     return status, "; ".join(reasons)
 
 
-def _median_and_p95(speeds: Array) -> tuple[float | None, float | None]:
-    """Median and 95th percentile of speeds (n,); None where all are NaN."""
-    finite = speeds[~np.isnan(speeds)]
-    if not len(finite):
-        return None, None
-    middle, high = np.percentile(finite, [50.0, 95.0])
-    return float(middle), float(high)
+def _median_and_p95(speeds: Array) -> Array:
+    """Median and 95th percentile (2, C) of speeds (n, C); NaN where all are."""
+    return percentiles(speeds.T, [50.0, 95.0])
 
 
-def _speeds(columns: Array, grid: Grid) -> Array:
-    """Speeds (n,) of columns (T, D, 1)."""
-    series = (bridge_gaps(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
-    return speed(series, grid.step_s)
+def _speeds(series: Array, grid: Grid) -> Array:
+    """Speeds (n, C) of series (T, C, D)."""
+    columns = bridge_gaps(grid.spread(series.reshape(len(series), -1)), grid.step_s)
+    return speed(columns.reshape(len(columns), *series.shape[1:]), grid.step_s)
 
+
+_TOGETHER = 1 << 19
+"""Frames of angles that are measured in one pass: 4 MB an array."""
 
 CYCLES = "movement_cycles"
 """The table whose rows are of a hand, not of a model."""
@@ -232,26 +249,28 @@ def measure_hand(
             for cycle in of_event
         ]
         tables[CYCLES].rows(plan.part(hand), rows)
-    for part in (part for part in plan.whole_parts if part.hand == hand):
-        with subject_stage.recording_failure(arguments, part, *by_model):
-            for table in by_model:
-                table.rows(part, [])
-            for recording in plan.posed(hand):
-                if usable_poses([plan.poses(recording)])[0]:  # else the recordings table says why
+    # else the recordings table says why
+    usable = [recording for recording in plan.posed(hand) if usable_poses([plan.poses(recording)])[0]]
+    with opened_once() as opened:
+        for part in (part for part in plan.whole_parts if part.hand == hand):
+            with subject_stage.recording_failure(arguments, part, *by_model):
+                for table in by_model:
+                    table.rows(part, [])
+                for recording in usable:
+                    reader = recording_reader(plan, recording, part.model, opened)
                     cut = averaged_cycles(cycles.get(recording, ()))
-                    _measure_recording(plan, part, recording, events.get(recording, ()), cut, tables)
+                    _measure_recording(plan, reader, events.get(recording, ()), cut, tables)
 
 
 def _measure_recording(
     plan: SubjectPlan,
-    part: Part,
-    recording: Recording,
+    reader: RecordingReader,
     events: Sequence[TimedEvent],
     cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
 ) -> None:
     """Write the rows of one recording."""
-    reader = recording_reader(plan, recording, part.model)
+    recording, part = reader.recording, reader.part
 
     def write(name: str, rows: Iterable[Mapping[str, Any]]) -> None:
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
@@ -265,10 +284,11 @@ def _measure_recording(
         cycles = ()  # no page shows their curves
     ranges: list[RangesOfMotionRow] = []
     curves: list[CycleCurvesRow] = []
-    for series in movement.joints():
-        ranges += range_rows(series, grid)
+    angles, at_once = movement.joints(), max(1, _TOGETHER // max(1, len(movement.frame)))
+    while some := list(islice(angles, at_once)):
+        ranges += range_rows(some, grid)
         if grid is not None:
-            curves += curve_rows(series, movement.time_s, cycles, grid)
+            curves += (row for series in some for row in curve_rows(series, movement.time_s, cycles, grid))
     ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
     write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
     write("cycle_curves", curves)

@@ -8,7 +8,7 @@ no velocity.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -137,18 +137,30 @@ def velocity_noise_sd(values: Float[Array, "T C"], step_s: float) -> Float[Array
     width = half_width(step_s)
     gain = 1.0 / (np.sqrt((np.arange(-width, width + 1) ** 2).sum()) * step_s)
     third = np.abs(np.diff(values, 3, axis=0))
-    finite = [column[~np.isnan(column)] for column in third.T]
-    middle = np.array([np.median(column) if len(column) else np.nan for column in finite])
+    middle = percentiles(third.T, [50.0])[0]
     return np.asarray(gain * _MAD_TO_SD * middle / np.sqrt(20.0))
 
 
-def speed(series: Iterable[Array], step_s: float) -> Array:
-    """Speeds (T,) of series (T, 1), one a dimension, without what noise adds to their square.
+def speed(values: Float[Array, "T C D"], step_s: float) -> Float[Array, "T C"]:
+    """Speeds (T, C) of C series in D dimensions each, without what noise adds to their square.
 
     A speed that noise explains is zero.
     """
-    squared, noise = np.zeros(1), 0.0
-    for values in series:
-        squared = squared + velocity(values, step_s)[:, 0] ** 2
-        noise += float(velocity_noise_sd(values, step_s)[0]) ** 2
+    columns = values.reshape(len(values), -1)
+    squared = (velocity(columns, step_s) ** 2).reshape(values.shape).sum(2)
+    noise = (velocity_noise_sd(columns, step_s) ** 2).reshape(values.shape[1:]).sum(1)
     return np.asarray(np.sqrt(np.maximum(squared - noise, 0.0)))
+
+
+def percentiles(series: Float[Array, "C T"], percent: Sequence[float]) -> Float[Array, "P C"]:
+    """Percentiles of the numbers of each series, NaN of one that has none."""
+    out = np.full((len(percent), len(series)), np.nan)
+    finite = ~np.isnan(series)
+    by_gaps: dict[bytes, list[int]] = {}
+    for index, seen in enumerate(finite):
+        by_gaps.setdefault(seen.tobytes(), []).append(index)
+    for alike in by_gaps.values():  # series with the same gaps in one pass
+        seen = finite[alike[0]]
+        if seen.any():
+            out[:, alike] = np.percentile(series[alike][:, seen], percent, axis=1)
+    return out

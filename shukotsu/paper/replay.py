@@ -25,7 +25,7 @@ from shukotsu.hand.rotations import conjugate, multiply, rotate
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import METACARPALS
-from shukotsu.tables.parts import Part, PartsReader, PartsWriter, open_parts
+from shukotsu.tables.parts import Opened, Part, PartsReader, PartsWriter
 from shukotsu.tables.poses import Poses, PosesReader, frame_count, poses_reader
 from shukotsu.translation import listed
 
@@ -146,12 +146,14 @@ def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
 BINDINGS = ("first-frame", "least-squares")
 
 
-def write_replay(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWriter) -> None:
+def write_replay(
+    plan: SubjectPlan, part: Part, opened: Opened, tips: PartsWriter, errors: PartsWriter
+) -> None:
     """Replay one skeleton in its recordings; a recording that could not be imported gets rows with the
-    reason.
+    reason. opened : opens the tables of the skeleton.
     """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
-    skeleton = read_skeleton(plan.table("joint_centres"), plan.table("bone_lengths"), layout, model, part)
+    skeleton = read_skeleton(plan.table, opened, layout, model, part)
     calibrated = plan.calibrating(part.hand, part.model, part.made_without)
     tips.rows(part, [])
     errors.rows(part, [])
@@ -167,7 +169,7 @@ def write_replay(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: Parts
                 errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
             continue
         reader = poses_reader([plan.poses(recording)], layout.measured)
-        with open_parts(plan.table("metacarpals"), METACARPALS) as parts:
+        with opened(plan.table("metacarpals"), METACARPALS) as parts:
             turns = partial(_turns, parts, part, recording)
             for columns, rows in replay_recording(skeleton, reader, turns):
                 if columns is not None:

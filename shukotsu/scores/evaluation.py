@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -18,7 +16,7 @@ import numpy.typing as npt
 from shukotsu.errors import join_reasons
 from shukotsu.hand.digit_chain import Rows, all_valid, carried_mm
 from shukotsu.hand.known_digits import known_digits
-from shukotsu.hand.posed_recording import QUATERNION, Opened, RecordingReader, readable
+from shukotsu.hand.posed_recording import QUATERNION, RecordingReader, readable
 from shukotsu.hand.rotations import Array, conjugate, rotate
 from shukotsu.scores.truth import (
     TIP,
@@ -47,7 +45,7 @@ from shukotsu.tables.catalogue import (
     TIP_ERRORS,
     TIPS,
 )
-from shukotsu.tables.parts import Part, open_parts
+from shukotsu.tables.parts import Opened, Part, opened_once
 from shukotsu.tables.poses import Poses, RecordingName, read_poses
 from shukotsu.tables.typed_table import Table, vector_of
 
@@ -522,9 +520,7 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow]
 
     """
     truths = _truths(plan, hand)
-    with ExitStack() as stack:
-        open_once = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
-        opened = lambda path, table: nullcontext(open_once(path, table))  # noqa: E731
+    with opened_once() as opened:
         parts = [part for part in plan.parts() if part.hand == hand]
         if known_digits(plan.layouts[hand]):
             parts.append(plan.part(hand, REFERENCE))

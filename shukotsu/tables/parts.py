@@ -7,10 +7,10 @@ rows, or it failed and the file records why. The file's metadata list the parts 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -282,6 +282,18 @@ def open_parts(path: Path, table: Table) -> Iterator[PartsReader]:
     """
     with open_table(path, table) as file:
         yield PartsReader(file)
+
+
+Opened = Callable[[Path, Table], AbstractContextManager[PartsReader]]
+"""What opens a subject table: `open_parts`, or that which `opened_once` yields."""
+
+
+@contextmanager
+def opened_once() -> Iterator[Opened]:
+    """Yield what opens subject tables, each once and until the end of the context."""
+    with ExitStack() as stack:
+        kept = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
+        yield lambda path, table: nullcontext(kept(path, table))
 
 
 def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | None = None) -> pa.Table:

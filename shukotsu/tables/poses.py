@@ -126,7 +126,7 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
     def read(*wanted: str) -> Iterator[Poses]:
         for path in paths:
-            if frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4:
+            if _is_kept(path, segments):
                 yield read_poses(path, segments)
             else:
                 yield from pose_blocks(path, wanted)
@@ -193,10 +193,17 @@ def read_poses(path: Path, segments: Sequence[str]) -> Poses:
     return poses
 
 
+def _is_kept(path: Path, segments: Sequence[str]) -> bool:
+    """Whether a recording is short enough to be cached."""
+    return frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
+
+
 def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
     """Read every N-th frame (N = `every`), starting with the first; otherwise as `read_poses`."""
     if every <= 1:
         return read_poses(path, segments)
+    if _is_kept(path, segments):
+        return read_poses(path, segments).take(np.arange(0, frame_count(path), every))
     kept, start = [], 0
     for block in pose_blocks(path, segments):
         kept.append(block.take(np.arange(-start % every, len(block.frame), every)))  # copies
