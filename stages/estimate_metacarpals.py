@@ -32,15 +32,16 @@ def build_parser() -> argparse.ArgumentParser:
 def estimate(arguments: argparse.Namespace) -> None:
     """Build every skeleton of the plan, write the three tables."""
     from shukotsu.paper.hand import write_skeleton
+    from shukotsu.tables.parts import opened_once
 
     plan = subject_stage.plan_of(arguments)
     fits = [plan.table(name, *fit) for fit in plan.fits_of_hands() for name in FITTED]
     files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
     provenance = subject_stage.provenance_of(plan, [plan.table("projected_joints"), *fits], files)
-    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+    with opened_once() as opened, subject_stage.writing(arguments, WRITES, provenance) as tables:
         for part in plan.parts():
             with subject_stage.recording_failure(arguments, part, *tables.values()):
-                write_skeleton(plan, part, tables)
+                write_skeleton(plan, part, opened, tables)
 
 
 main = subject_stage.script(build_parser, estimate, WRITES)

@@ -70,7 +70,8 @@ class ExpectedBody:
 
     def concerned(self, places: Collection[int] | None) -> npt.NDArray[np.bool_]:
         """Which joints (J,) have a receiver among those places; all where none has, or places is None."""
-        concerned = np.asarray(np.isin(self.ends, [*(places or ())]).any(1))
+        chosen = frozenset(places or ())
+        concerned = np.array([not chosen.isdisjoint(pair) for pair in self.ends.tolist()], bool)
         return concerned if concerned.any() else np.ones(len(self.names), bool)
 
 

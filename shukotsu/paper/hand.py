@@ -37,7 +37,7 @@ from shukotsu.study.verdict import (
     judged_joint,
 )
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, JOINT_CENTRES
-from shukotsu.tables.parts import Part, PartsWriter, open_parts, read_part
+from shukotsu.tables.parts import Opened, Part, PartsWriter, read_part
 from shukotsu.tables.poses import Poses, PosesReader, poses_reader, seen_segments, usable_poses
 from shukotsu.tables.typed_table import rows_of
 
@@ -607,8 +607,8 @@ def is_whole(bone: BoneLengthsRow, layout: Layout) -> bool:
     return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
 
 
-def write_skeleton(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> None:
-    """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals."""
+def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mapping[str, PartsWriter]) -> None:
+    """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals. opened : opens tables."""
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     projected = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, part)))
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
@@ -637,18 +637,23 @@ def write_skeleton(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrit
     tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     tables["metacarpals"].rows(part, [], **parameters)
     for recording in plan.posed(part.hand, part.made_without):
-        _pose_recording(plan, part, hand, recording, tables["metacarpals"])
+        _pose_recording(plan, part, opened, hand, recording, tables["metacarpals"])
 
 
 def _pose_recording(
-    plan: SubjectPlan, part: Part, hand: BuiltHand, recording: Recording, metacarpals: PartsWriter
+    plan: SubjectPlan,
+    part: Part,
+    opened: Opened,
+    hand: BuiltHand,
+    recording: Recording,
+    metacarpals: PartsWriter,
 ) -> None:
     """Write the metacarpals of one recording, if it holds poses."""
     layout, model = plan.layouts[part.hand], plan.models[part.model]
 
     def posed_by_fit(segment: str, frames: Index) -> Array | None:
         keys = (part, recording.task, recording.trial, "segment", [f"q{name}" for name in "wxyz"])
-        with open_parts(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
+        with opened(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
             return parts.recording(*keys, len(frames), frames, segment).get(segment)
 
     for path in usable_poses([plan.poses(recording)])[0]:

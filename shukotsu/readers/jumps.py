@@ -244,13 +244,16 @@ def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
     """Frames (M,) from which on each of two receivers is where the other was."""
     moments = [np.zeros(0, np.int64)]
     for side in (0, 1):  # in the frame before, or in that after, one of them may not be seen
-        _, i, j = np.intersect1d(first[0][:, side], second[0][:, side], return_indices=True)
+        frames = first[0][:, side], second[0][:, side]
+        _, i, j = np.intersect1d(*frames, assume_unique=True, return_indices=True)
         (before, after), (before_2, after_2) = (first[1][i], first[2][i]), (second[1][j], second[2][j])
         starts, ends = np.stack([before, before_2]), np.stack([after, after_2])
         own_mm, crossed_mm = (
             np.linalg.norm(starts[..., :3] - there[..., :3], axis=-1).sum(0) for there in (ends, ends[::-1])
         )
         near = np.flatnonzero(crossed_mm < EXCHANGED * own_mm)
+        if not len(near):
+            continue
         turned_deg = [
             _turned_and_apart(*pair)[1] for pair in zip(starts[:, near], ends[::-1, near], strict=True)
         ]

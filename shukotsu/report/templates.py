@@ -51,7 +51,8 @@ SCRIPT_TEXTS = {
 
 def coded(text: object) -> Markup:
     """Text, escaped, with what stands between backticks as code."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+    escaped = escape(text)
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escaped))) if "`" in escaped else escaped
 
 
 def _environment() -> jinja2.Environment:

@@ -106,7 +106,7 @@ def open_parquet(
     try:
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
-            if _digest_holds(path.absolute(), *file_state(path)) is False:
+            if _digest_holds(path, *file_state(path)) is False:
                 raise ValueError("not the bytes of its checksum")
             file = pq.ParquetFile(
                 path,
@@ -135,7 +135,7 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
 
 def is_sealed(path: Path) -> bool:
     """Whether a file carries a digest, which holds if it was opened here."""
-    return _digest_holds(path.absolute(), *file_state(path)) is not None
+    return _digest_holds(path, *file_state(path)) is not None
 
 
 def column_ends(

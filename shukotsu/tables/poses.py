@@ -178,9 +178,8 @@ def read_poses(path: Path, segments: Sequence[str]) -> Poses:
         As `pose_blocks`.
 
     """
-    stat = path.stat() if path.is_file() else None
-    key = None if stat is None else (path.absolute(), stat.st_size, stat.st_mtime_ns, tuple(segments))
-    if key is not None and key in _kept:
+    key = (file_state(path), tuple(segments)) if path.is_file() else None
+    if key in _kept:
         _kept.move_to_end(key)
         return _kept[key]
     (poses,) = pose_blocks(path, segments, block_frames=None)
@@ -217,8 +216,8 @@ def joined_poses(parts: Sequence[Poses]) -> Poses:
     return Poses(parts[0].segments, *(np.concatenate(pieces) for pieces in arrays))
 
 
-_kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()
-"""Cached recordings by path, size and time of the file and by segments, most recently used last."""
+_kept: OrderedDict[tuple[tuple[int, ...], tuple[str, ...]] | None, Poses] = OrderedDict()
+"""Cached recordings by the file's state and by segments, most recently used last."""
 
 
 def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:

@@ -97,7 +97,7 @@ def write_text(path: Path, text: str) -> None:
 
 def file_sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, read in pieces and cached by the file's state."""
-    return _sha256(path.absolute(), *file_state(path))
+    return _sha256(path, *file_state(path))
 
 
 def file_state(path: Path) -> tuple[int, int, int, int, int]:

@@ -1,10 +1,14 @@
 """Ranges of known motion, and whether the error that is stated holds what is off."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from shukotsu.arrays import Array
-from shukotsu.movement.movement_rows import AngleErrors, angle_range
+from shukotsu.movement import movement_rows
+from shukotsu.movement.movement_rows import RANGE_PERCENT, AngleErrors
+from shukotsu.movement.sampling import percentiles
 
 
 def swing(amplitude_deg: float, n_frames: int = 2000) -> Array:
@@ -16,6 +20,10 @@ def errors(sd_deg: float | Array = 0.0, change_deg: float | Array = 0.0, anew: f
     """Errors of 2000 frames; anew : share of both that is another in every session."""
     sd, change = (np.broadcast_to(np.asarray(values_deg, float), 2000) for values_deg in (sd_deg, change_deg))
     return AngleErrors(sd, change, anew * sd, anew * change)
+
+
+def angle_range(angle_deg: Array, stated: AngleErrors) -> Any:
+    return movement_rows.angle_range(angle_deg, stated, percentiles(angle_deg[None], RANGE_PERCENT)[:, 0])
 
 
 def test_the_range_of_a_sinusoid_is_exact() -> None:

@@ -42,7 +42,7 @@ from shukotsu.report.figures.style import (
     without_controls,
     wrap_text,
 )
-from shukotsu.report.hand_motion import HandMotion, ShownSkeleton, view_points
+from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton, view_points
 from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property, digit_looks
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import number
@@ -368,21 +368,27 @@ def _draw_hand(
     axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
     digit_of = {bone.end: bone.digit for bone in skeleton.bones}
+    of_line: dict[tuple[float, str], list[BoneLine]] = {}  # what looks the same is drawn together
+    for bone in skeleton.bones:
+        of_line.setdefault((2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT), []).append(bone)
+    of_mark: dict[tuple[PlotMark, float], list[int]] = {}
+    for index, (name, believed) in enumerate(zip(skeleton.points, skeleton.believed, strict=True)):
+        if not name.endswith("_tip"):
+            mark, mark_size = BELIEF_MARKS[believed], 5.6
+            if believed == BELIEVED:
+                edge = looks[digit_of[index]] if index in digit_of else INK
+                mark, mark_size = PlotMark("o", PAPER, edge), 4.2
+            of_mark.setdefault((mark, mark_size), []).append(index)
     for joints, worn in zip(views, receivers, strict=True):
         axes.plot(*worn.T, "s", color=SOFT, markersize=2.6, markeredgewidth=0.0, alpha=0.5, zorder=1)
-        for bone in skeleton.bones:
-            thick, colour = (2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT)
-            ends = joints[[bone.start, bone.end]]
-            axes.plot(*ends.T, color=colour, linewidth=thick, solid_capstyle="round", zorder=2)
-        for index, (name, believed) in enumerate(zip(skeleton.points, skeleton.believed, strict=True)):
-            if name.endswith("_tip") or not np.isfinite(joints[index]).all():
-                continue
-            mark = BELIEF_MARKS[believed]
-            if believed == BELIEVED:
-                mark = PlotMark("o", PAPER, looks[digit_of[index]] if index in digit_of else INK)
+        for (thick, colour), bones in of_line.items():
+            ends = np.stack([joints[[bone.start for bone in bones]], joints[[bone.end for bone in bones]]], 1)
+            apart = np.pad(ends, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan).reshape(-1, 2)
+            axes.plot(*apart.T, color=colour, linewidth=thick, solid_capstyle="round", zorder=2)
+        for (mark, mark_size), indices in of_mark.items():
             axes.plot(
-                *joints[index], mark.shape, markerfacecolor=mark.face, markeredgecolor=mark.edge,
-                markersize=4.2 if believed == BELIEVED else 5.6, markeredgewidth=1.0, zorder=3,
+                *joints[indices].T, mark.shape, markerfacecolor=mark.face, markeredgecolor=mark.edge,
+                markersize=mark_size, markeredgewidth=1.0, zorder=3,
             )  # fmt: skip
     taken: list[tuple[float, float, float]] = []
     for digit in motion.digits:

@@ -15,6 +15,7 @@ from unicodedata import category, east_asian_width
 
 import matplotlib
 from matplotlib import font_manager
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter
@@ -115,11 +116,18 @@ def without_controls(text: str) -> str:
 
 def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
     """Change every text of a figure, line by line, to what its medium can hold."""
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+    artists = [
+        *figure.texts,
+        *figure.legends,
+        *(part for axes in figure.axes for part in axes.get_children()),
+    ]
+    for axis in [artist for artist in artists if isinstance(artist, Axis)]:
+        artists.remove(axis)  # its formatter writes its ticks, which are not made before they are drawn
+        artists.append(axis.label)
         formatter = axis.get_major_formatter()
         if isinstance(formatter, FixedFormatter):
             formatter.seq = [_by_line(words, writable) for words in formatter.seq]
-    for text in figure.findobj(Text):
+    for text in (text for artist in artists for text in artist.findobj(Text)):
         assert isinstance(text, Text)
         text.set_text(_by_line(text.get_text(), writable))
 
