@@ -12,6 +12,7 @@ from shukotsu.movement.sampling import (
     bridge_gaps,
     grid_of,
     half_width,
+    percentiles,
     speed,
     velocity,
     velocity_noise_sd,
@@ -117,7 +118,17 @@ def test_the_noise_of_a_speed_is_told_from_the_recording(moving: float) -> None:
 def test_noise_at_rest_is_hardly_a_speed_and_leaves_a_movement_its_own() -> None:
     noise = np.random.default_rng(2).normal(0, 0.1, (5000, 1))
     at_rest = velocity(noise, STEP_S)
-    assert np.nanmedian(speed([noise], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
+    assert np.nanmedian(speed(noise[..., None], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
     angle, true = sine(1.0, STEP_S, 5000 * STEP_S)
-    measured = speed([angle[:5000] + noise], STEP_S)
+    measured = speed((angle[:5000] + noise)[..., None], STEP_S)
     assert np.nanpercentile(measured, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)
+
+
+def test_percentiles_are_of_the_numbers_of_each_series_whatever_its_gaps() -> None:
+    series = np.random.default_rng(3).normal(size=(4, 50))
+    series[1, ::3] = series[2] = np.nan
+    series[3, ::3] = np.nan
+    expected = [
+        np.nanpercentile(row, [10.0, 50.0]) if np.isfinite(row).any() else [np.nan] * 2 for row in series
+    ]
+    np.testing.assert_array_equal(percentiles(series, [10.0, 50.0]), np.transpose(expected))
