@@ -146,7 +146,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/fit_hand.py --record-failure {params.arguments} --model {params.model:q} {params.hands:q} 2> {log}'
 
 
-use rule fit_hand as fit_hands with:  # a person's two that share lengths, each of them once
+use rule fit_hand as fit_hands with:  # a person's two in one job, each of them once
     output:
         [f"{fit}/{table}.parquet" for fit in both_fits for table in FIT_TABLES],
     wildcard_constraints:

@@ -314,14 +314,17 @@ def recordings_part(plan: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fit_part(plan: Mapping[str, Any], hand: str, model: str) -> dict[str, Any]:
-    """Return what a hand's fit uses of a plan: its model, and that hand alone unless lengths are shared."""
+    """Return what a fit uses of a plan: its model, and that hand alone unless lengths are shared.
+
+    hand : empty where one job fits both.
+    """
     part = recordings_part(plan)
     for entry in part["recordings"]:
         entry |= {"events": None, "pulses": ""}
     part |= {name: plan[name] for name in (*SIZES, "measurements", "touches")} | {"events": []}
     reference = read_config(config_path(REFERENCE, "model", Path()), "model")
     config = next(config for config in [*plan["models"], reference] if config["model"] == model)
-    if not config["fit"]["share_lengths"]:
+    if hand and not config["fit"]["share_lengths"]:
         for name in ("recordings", "measurements", "touches"):
             part[name] = [row for row in part[name] if row["hand"] == hand]
         part["layouts"] = {hand: part["layouts"][hand]}

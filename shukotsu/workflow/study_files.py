@@ -284,11 +284,11 @@ class StudyFiles:
         return [*map(str, map(plan.table, results.SUBJECT_TABLES)), *self.fit_tables(wildcards)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
-        """Poses files that a fit reads; both hands' where the model shares lengths between them."""
-        plan = self._plans[wildcards.subject]
+        """Poses files that a job of fits reads; both hands' where the model shares lengths between them."""
+        plan, hand = self._plans[wildcards.subject], getattr(wildcards, "hand", "")
         model = plan.models.get(self.model(wildcards))
-        both = model is not None and model.fitting is not None and model.fitting.share_lengths
-        recordings = [r for r in plan.recordings if not r.exclude and (both or r.hand.hand == wildcards.hand)]
+        both = not hand or (model is not None and model.fitting is not None and model.fitting.share_lengths)
+        recordings = [r for r in plan.recordings if not r.exclude and (both or r.hand.hand == hand)]
         return [str(plan.poses(recording)) for recording in recordings]
 
     def model(self, wildcards: Wildcards) -> str:
@@ -328,14 +328,17 @@ class StudyFiles:
 
     @property
     def fitted_together(self) -> dict[str, str]:
-        """Patterns of the subjects and models whose hands share bone lengths, which one job fits."""
+        """Patterns of the subjects and models whose two hands one job fits: those that share bone lengths,
+        and the reference, which is hardly any work.
+        """
         fittings = {name: model.fitting for plan in self.subjects for name, model in plan.models.items()}
         layouts = {token: [*plan.layouts.values()] for token, plan in self._plans.items()}
         tokens = {
             "subject": [token for token, of_hands in layouts.items() if of_hands[1:] == of_hands[:1]],
             "model": [
                 path_token(name) for name, fitting in fittings.items() if fitting and fitting.share_lengths
-            ],
+            ]
+            + [REFERENCE],
         }
         return {name: "|".join(map(re.escape, of_name)) or "(?!)" for name, of_name in tokens.items()}
 

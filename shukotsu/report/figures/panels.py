@@ -373,7 +373,7 @@ def _draw_hand(
         of_line.setdefault((2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT), []).append(bone)
     of_mark: dict[tuple[PlotMark, float], list[int]] = {}
     for index, (name, believed) in enumerate(zip(skeleton.points, skeleton.believed, strict=True)):
-        if not name.endswith("_tip"):
+        if not name.endswith("_tip") and np.isfinite(views[0][index]).all():
             mark, mark_size = BELIEF_MARKS[believed], 5.6
             if believed == BELIEVED:
                 edge = looks[digit_of[index]] if index in digit_of else INK
