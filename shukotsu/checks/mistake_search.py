@@ -278,7 +278,7 @@ def _opens(
 
     Another unit has all gaps in another unit, and is judged by the hand's size.
     """
-    by_places = {h.places: body.concerned(h.places) for h in hypotheses}
+    by_places = {places: body.concerned(places) for places in {h.places for h in hypotheses}}
     rows = [by_places[h.places] for h in hypotheses]
     concerned = np.array(rows, bool).reshape(len(rows), len(body.names))
     count = concerned.sum(-1, keepdims=True)
@@ -315,10 +315,13 @@ def _explain(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hyp
     """Explain the motion as it is (first) and with each hypothesis undone; what it leaves alone is shared."""
     every: Index = np.arange(len(body.names))
     ends = body.ends.tolist()
+    joints_at = {
+        places: every if places is None else every[[not places.isdisjoint(pair) for pair in ends]]
+        for places in {hypothesis.places for hypothesis in hypotheses}
+    }
     series, choice, count = [(every, motion)], [every], len(every)
     for hypothesis in hypotheses:
-        places, row = hypothesis.places, every.copy()
-        touched = every if places is None else every[[not places.isdisjoint(pair) for pair in ends]]
+        row, touched = every.copy(), joints_at[hypothesis.places]
         row[touched] = np.arange(count, count + len(touched))
         count += len(touched)
         series.append((touched, hypothesis.undo(motion)))
