@@ -73,7 +73,7 @@ def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequ
         help_text = (
             f"the {tables} table to write" if isinstance(tables, str) else f"folder for {', '.join(tables)}"
         )
-        parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True, help=help_text)
+        parser.add_argument(option_of(name), type=Path, required=True, help=help_text)
 
 
 def add_study_options(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +81,11 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
     results = "the study's results folder"
     parser.add_argument("--results", type=Path, required=True, metavar="FOLDER", help=results)
+
+
+def option_of(name: str) -> str:
+    """Return the option of an argument, or of a table, of that name."""
+    return f"--{name.replace('_', '-')}"
 
 
 def _path(text: str) -> Path:
@@ -198,7 +203,7 @@ def _nowhere() -> TextIO:
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
     """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no path."""
     for name, value in vars(arguments).items():
-        option = f"--{name.replace('_', '-')}"
+        option = option_of(name)
         for each in value if isinstance(value, list | tuple) else [value]:
             text = str(each)
             if name in ("subject", "task") and not text.strip():
@@ -223,7 +228,7 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
     for at, (name, path) in enumerate(named):
         if not name.startswith("out"):
             continue
-        option = f"--{name.replace('_', '-')}"
+        option = option_of(name)
         for other, read in named:
             if not other.startswith("out") and _same_file(path, read):
                 raise InputError(

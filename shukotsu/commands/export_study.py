@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 def export_study(arguments: argparse.Namespace) -> None:
     """Export what is asked for of every subject. InputError where the study was not run in this folder."""
     from shukotsu.export.exported_plans import export_plans
-    from shukotsu.study.plan import plan_of_results
+    from shukotsu.study.plan_file import plan_of_results
 
     files = read_files(arguments.study)
     every = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]

@@ -76,7 +76,7 @@ def _describe_recordings(results: StudyResults) -> str:
         return f"{text}. The simulator knows the true skeleton; no person's hand is behind these numbers."
     trackers = ", ".join(sorted({row["tracker"] for row in used if row.get("tracker")}))
     text += f". The tracker was: {trackers or '[name it here]'}."
-    mappings = Counter(recording.mapping for recording in results.recordings if not recording.exclude)
+    mappings = Counter(each.source.mapping for each in results.recordings if not each.exclude)
     return text + "".join(
         f" {_count(n, 'recording')} of another program: read as {path.name} declares"
         f"{_describe_mapping(path)}."

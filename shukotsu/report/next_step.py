@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.study import verdict
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, word
 
@@ -67,7 +67,7 @@ def next_step(results: StudyResults) -> str:
         hand = hand_of(row)
         if hand not in measured:
             plan = results.paths.plan(*hand.who)
-            measured[hand] = not plan.is_file() or read_plan(plan).hand_length_mm is not None
+            measured[hand] = not plan.is_file() or read_plan(plan).sizes_mm["hand_length_mm"] is not None
         wanted_mm = results.layouts[hand].wanted_mm
         action = _action(row, verdict.doubts_of(row), measured[hand])
         if action:

@@ -28,7 +28,7 @@ def recordings_table(results: StudyResults) -> DataTable:
     for recording in results.recordings:
         status, message = results.status_of(recording)
         row = results.recording_row_of.get(recording_key(recording), {}) | recording.key
-        row |= {"file": recording.file_as_written, "role": recording.role, "message": message}
+        row |= {"file": recording.source.file_as_written, "role": recording.role, "message": message}
         rows.append(row | {"shown": STATUS_MARKS.get(status, "") + word(status)})
     columns = (
         *(text_column(texts[name], name) for name in texts if name != "session" or results.has_sessions),
@@ -86,7 +86,7 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
         status, message = results.status_of(recording)
         if status != "used" and not (message and message in messages):
             unused[": ".join(filter(None, (word(status), translated(message))))].append(
-                recording.file_as_written
+                recording.source.file_as_written
             )
     listed = faults_listed(rows)
     for reason, files in unused.items():

@@ -326,7 +326,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     return StudyResults(
         name=plan.study,
         recordings=plan.recordings,
-        simulated=any(plan.truth(recording) is not None for recording in plan.recordings),
+        simulated=any(recording.truth is not None for recording in plan.recordings),
         paths=Results(plan.folder.parent),
         models=plan.models,
         layouts={plan.hand(hand): layout for hand, layout in plan.layouts.items()},

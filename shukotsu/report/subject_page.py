@@ -41,7 +41,7 @@ from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded, link
 from shukotsu.report.templates import check_language, languages, render, speaking
-from shukotsu.study.plan import plan_of_results
+from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.results import FAILED_PAGES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import RANGES_OF_MOTION

@@ -213,7 +213,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, lis
     """
     row: RecordingsRow = {
         "role": recording.role,
-        "file": recording.file_as_written,
+        "file": recording.source.file_as_written,
         "status": "used",
         "n_frames": 0,
         "n_receivers": 0,

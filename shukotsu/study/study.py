@@ -36,23 +36,35 @@ NO_LEVEL = ("", "n/a")
 
 
 @dataclass(frozen=True)
+class Source:
+    """File of a recording, as resolved and as the sheet has it, and how it is read."""
+
+    file: Path
+    file_as_written: str
+    layout: Path
+    format: str = "auto"
+    mapping: Path | None = None
+    hemisphere: str = "keep"
+
+
+@dataclass(frozen=True)
 class Recording:
-    """Row of the recordings sheet, with resolved paths. more : further columns, which are not in plans."""
+    """Row of the recordings sheet, with resolved paths.
+
+    truth : folder of the truth tables, of a simulated recording. factors : its levels of the study's factors.
+    more : further columns, which are not in plans.
+    """
 
     hand: Hand
     task: str
     trial: str
     role: str
-    file: Path
-    file_as_written: str
-    layout: Path
-    format: str
-    mapping: Path | None
-    hemisphere: str
-    exclude: str
+    source: Source
+    exclude: str = ""
     accept: str = ""
     events: Path | None = None
     pulses: str = ""
+    truth: Path | None = None
     factors: tuple[tuple[str, str], ...] = ()
     more: tuple[tuple[str, str], ...] = ()
 
@@ -66,6 +78,11 @@ class Recording:
         """Its key in tables: subject, session, hand, task, trial, in this order."""
         whose = {"subject": self.hand.subject, "session": self.hand.session, "hand": self.hand.hand}
         return {**whose, "task": self.task, "trial": self.trial}
+
+    @property
+    def key_in_session(self) -> tuple[str, str, str]:
+        """Hand, task and trial: its key within a subject's session."""
+        return self.hand.hand, self.task, self.trial
 
     @property
     def title(self) -> str:
@@ -156,7 +173,7 @@ class Study:
 
     def layout_of(self, hand: Hand) -> Path:
         """Return the layout of the hand's recordings; of several, the one with most receivers."""
-        layouts = list(dict.fromkeys(recording.layout for recording in self._by_hand[hand]))
+        layouts = list(dict.fromkeys(recording.source.layout for recording in self._by_hand[hand]))
         if len(layouts) == 1:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
@@ -244,15 +261,18 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
                 f"{', '.join(models)}"
             )
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
-    mapping = folder / config["mapping"] if "mapping" in config else None
-    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, config["factors"])
-    for path in {r.layout for r in recordings} | {layout}:
+    simulated = config.get("simulation")
+    simulation = (
+        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None
+    )
+    usual = Source(folder, "", layout, mapping=folder / config["mapping"] if "mapping" in config else None)
+    recordings, unusable = _recordings(sheets["recordings"], usual, config["factors"], simulation)
+    for path in {r.source.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
     rows = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
     _check_factors(config["factors"], recordings, rows["participants"], where)
     if "events" in sheets:
         _check_events(sheets["events"], rows["events"], recordings, unusable)
-    simulated = config.get("simulation")
     return Study(
         config["study"],
         recordings,
@@ -260,7 +280,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         layout,
         tuple(config["exports"]),
         settings | {"models": settings["models"] or list(models)},
-        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None,
+        simulation,
         sheets,
         config,
         unusable,
@@ -395,12 +415,17 @@ def _why_unusable(recording: Recording) -> str:
             f"of files; expected at "
             f"most {NAMES_BYTES}"
         )
-    for column in ("file", "mapping", "events"):
-        path: Path | None = getattr(recording, column)
+    source = recording.source
+    for column, path in (("file", source.file), ("mapping", source.mapping), ("events", recording.events)):
         if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
             limit = f"{FILE_NAME_BYTES} bytes, which no file's name has"
             return f"column {column}: has a part of more than {limit}"
     return ""
+
+
+def truth_folder(file: Path) -> Path:
+    """Folder of the truth tables that the simulator writes beside a recording."""
+    return file.with_name(f"{file.name.rsplit('.', 1)[0]}_truth")
 
 
 OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
@@ -408,34 +433,34 @@ OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
 
 
 def _recordings(
-    sheet: Path, folder: Path, layout: Path, mapping: Path | None, factors: Sequence[str]
+    sheet: Path, usual: Source, factors: Sequence[str], simulation: Simulation | None
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
     """Return the recordings of the sheet, and the rows that can be none.
 
-    layout, mapping : of rows that name none.
+    usual : the study's folder, and layout and mapping of rows that name none.
     """
     recordings, unusable, cells = [], [], {cell.name for cell in RECORDINGS.cells}
+    folder = usual.file
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
     units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS, factors):
-        worn = config_path(row["layout"], "layout", folder) if row["layout"] else layout
+        worn = config_path(row["layout"], "layout", folder) if row["layout"] else usual.layout
         needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
+        usual_mapping = None if needs_none else usual.mapping
+        mapping = folder / row["mapping"] if row["mapping"] else usual_mapping
+        file = folder / row["file"]
         recording = Recording(
             Hand(row["subject"], row["hand"], row["session"]),
             row["task"],
             row["trial"],
             row["role"],
-            folder / row["file"],
-            row["file"],
-            worn,
-            row["format"],
-            folder / row["mapping"] if row["mapping"] else None if needs_none else mapping,
-            row["hemisphere"],
+            Source(file, row["file"], worn, row["format"], mapping, row["hemisphere"]),
             row["exclude"],
             row["accept"],
             folder / row["events"] if row["events"] else None,
             row["pulses"],
+            truth_folder(file) if simulation is not None and file.parent == simulation.folder else None,
             tuple((name, row[name]) for name in factors if name in row.values and name not in OWN_FACTORS),
             tuple((name, text) for name, text in row.values.items() if name and name not in cells),
         )

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from shukotsu.command_line import option_of
 from shukotsu.errors import InputError, list_names
 from shukotsu.hand.known_digits import known_digits, refusal
 from shukotsu.study import results
@@ -25,18 +26,17 @@ from shukotsu.study.config_files import (
     read_yaml,
     yaml_text,
 )
-from shukotsu.study.plan import (
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import (
     StudyPlans,
-    SubjectPlan,
     fit_part,
     plan_digest,
     plan_from_content,
     plan_text,
     read_plan,
     recordings_part,
-    truth_folder,
 )
-from shukotsu.study.study import Recording, Study, read_study
+from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
@@ -97,10 +97,10 @@ class StudyFiles:
         self.simulated, self.streamed = f"{recording}.parquet", f"{recording}.arrows"
         truth = truth_folder(Path(self.simulated))
         self.simulated_truth = [(truth / f"{name}.parquet").as_posix() for name in results.TRUTH_TABLES]
-        layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
+        layouts = dict.fromkeys(recording.source.layout for recording in self.study.recordings)
         files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
         self._configuration = [self.file, *map(_relative, files)]
-        mappings = dict.fromkeys(r.mapping for r in self.study.recordings if r.mapping is not None)
+        mappings = dict.fromkeys(r.source.mapping for r in self.study.recordings if r.source.mapping)
         self._mappings = [_relative(path) for path in mappings]
         for path in (*self._configuration, *([] if simulation is None else [_relative(folder)])):
             if not _can_be_declared(path):
@@ -228,7 +228,7 @@ class StudyFiles:
     def simulated_recording(self, wildcards: Wildcards) -> list[str]:
         """File of a recording that the workflow simulates."""
         recording = self._recording(wildcards)
-        return [path for path in [_relative(recording.file)] if path in self._made_for(recording)]
+        return [path for path in [_relative(recording.source.file)] if path in self._made_for(recording)]
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """Existing user files that a recording is read from, as far as Snakemake accepts their names."""
@@ -255,14 +255,15 @@ class StudyFiles:
 
     def _files_of(self, recording: Recording) -> list[str]:
         """User files that a recording is read from: its data and its mapping."""
-        mapping = [] if recording.mapping is None else [recording.mapping]
-        paths = dict.fromkeys(map(_relative, [recording.file, *mapping]))
-        return [path for path in paths if path not in self._made_for(recording)]
+        paths = filter(None, (recording.source.file, recording.source.mapping))
+        return [
+            path for path in dict.fromkeys(map(_relative, paths)) if path not in self._made_for(recording)
+        ]
 
     def _event_files(self, subject: str) -> list[str]:
         """User files that a subject's events are read from, including recordings, which may hold pulses."""
         recordings = [r for r in self._plans[subject].recordings if r.events is not None]
-        paths = [(r, _relative(path)) for r in recordings for path in (r.file, r.events) if path]
+        paths = [(r, _relative(path)) for r in recordings for path in (r.source.file, r.events) if path]
         return list(dict.fromkeys(path for r, path in paths if path not in self._made_for(r)))
 
     def import_options(self, wildcards: Wildcards) -> str:
@@ -347,7 +348,7 @@ class StudyFiles:
     def truth(self, wildcards: Wildcards) -> list[str]:
         """Truth tables of the subject's simulated recordings."""
         plan = self._plans[wildcards.subject]
-        folders = [plan.truth(recording) for recording in plan.recordings if not recording.exclude]
+        folders = [recording.truth for recording in plan.recordings if not recording.exclude]
         paths = [folder / f"{name}.parquet" for folder in folders if folder for name in results.TRUTH_TABLES]
         return [_relative(path) for path in paths]
 
@@ -407,7 +408,7 @@ class StudyFiles:
         """Options of the export command that the study file sets."""
         settings = self.study.export_settings | {"models": ",".join(self.study.export_settings["models"])}
         chosen = {name: value for name, value in settings.items() if value not in ("", None)}
-        return shlex.join(f"--{name.replace('_', '-')}={value}" for name, value in chosen.items())
+        return shlex.join(f"{option_of(name)}={value}" for name, value in chosen.items())
 
     @property
     def participants(self) -> str:
@@ -467,10 +468,10 @@ def _exported(folder: Path) -> Iterator[Path]:
 def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
     """Paths of all results of a subject, according to its plan."""
     yield plan.folder / "plan.json"
-    yield from plan.poses_files.values()
+    yield from map(plan.poses, plan.recordings)
     yield from (plan.table(name) for name in results.SUBJECT_TABLES)
     for model in (*plan.fitted_models, REFERENCE):
-        yield from (plan.fit_table(hand, model, name) for hand in plan.hands for name in results.FIT_TABLES)
+        yield from (plan.table(name, hand, model) for hand in plan.hands for name in results.FIT_TABLES)
     pages, exports = paths.subject_pages(*plan.who), paths.subject_exports(*plan.who)
     if pages.as_posix() not in present:
         yield from (paths.recording_page(recording) for recording in plan.recordings)
@@ -506,14 +507,15 @@ def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool
 
 def import_options(recording: Recording) -> list[str]:
     """Options that describe a recording of a plan to the command that imports it."""
+    source = recording.source
     values = {
-        "in": _relative(recording.file),
-        "layout": str(recording.layout),
-        "format": recording.format,
-        "mapping": None if recording.mapping is None else _relative(recording.mapping),
+        "in": _relative(source.file),
+        "layout": str(source.layout),
+        "format": source.format,
+        "mapping": None if source.mapping is None else _relative(source.mapping),
         **recording.key,
     }
-    repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
+    repair = ["--repair-hemisphere"] if source.hemisphere == "repair" else []
     return [f"--{name}={value}" for name, value in values.items() if value] + repair
 
 

@@ -15,6 +15,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.io import report
 from snakemake.logging import logger
 
+from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
 from shukotsu.workflow import made_from, one_run, progress, warm_process
@@ -137,7 +138,7 @@ def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake
     """Return the named inputs and outputs of a job as the options of those names of its stage."""
     words: list[str] = []
     for name, files in (*input.items(), *output.items()):
-        words += [f"--{name.replace('_', '-')}", *([files] if isinstance(files, str) else files)]
+        words += [option_of(name), *([files] if isinstance(files, str) else files)]
     return shlex.join(words)
 
 

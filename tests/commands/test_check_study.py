@@ -13,7 +13,7 @@ from shukotsu.commands.import_file import main as import_recording
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.catalogue import FINDINGS
 from shukotsu.tables.typed_table import read_table, rows_of
 from shukotsu.workflow.study_files import import_options
@@ -48,7 +48,7 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
                 assert import_recording(argv) == 0
         assert check_recordings(["--plan", str(path), "--out", str(plan.table("findings"))]) == 0
         for row in rows_of(read_table(plan.table("findings"), FINDINGS)):
-            name = f"{plan.subject} {row['hand']} {row['task']}"
+            name = f"{plan.who.subject} {row['hand']} {row['task']}"
             findings.add((name, *(row[column] for column in ("severity", "kind", "message"))))
     return findings
 

@@ -10,7 +10,8 @@ import yaml
 from small_study import write_plans, write_study
 
 from shukotsu.study.findings import REFUSED, Finding
-from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
 from shukotsu.study.study import read_study
 from shukotsu.tables.catalogue import CLOCKS, FINDINGS, POSES, TABLES
@@ -57,7 +58,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
     """
     for recording in plan.recordings:
         if not recording.exclude:
-            keys = {"subject": plan.subject, "hand": recording.hand.hand, "task": recording.task}
+            keys = {"subject": plan.who.subject, "hand": recording.hand.hand, "task": recording.task}
             parameters = {**keys, "trial": recording.trial}
             columns: dict[str, Any] = dict.fromkeys((c.name for c in POSES.columns), np.zeros(4))
             columns |= {"segment": ["hand"] * 4, "frame": np.arange(4), "time_s": np.arange(4) / 240}
@@ -68,7 +69,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
         for path in plan.files_of(name):
             parts = plan.parts()
             if name in FIT_TABLES:
-                parts = [p for p in parts if path == plan.fit_table(p.hand, p.model, name)]
+                parts = [p for p in parts if path == plan.table(name, p.hand, p.model)]
             if "made_without" not in TABLES[name].key:  # scores: a part is a hand
                 parts = [plan.part(hand) for hand in plan.hands]
             _write_parts(path, TABLES[name], parts, failures or {})

@@ -10,7 +10,7 @@ from report_samples.pages import read_page
 from stage_runs import subject_pages
 
 from shukotsu.errors import InputError
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.parts import parts_writer
 from shukotsu.tables.typed_table import columns_from_rows

@@ -17,7 +17,7 @@ from small_study import write_plans, write_study
 from shukotsu import command_line
 from shukotsu.errors import InputError, TableError
 from shukotsu.study import subject_stage
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.verdict import UNJUDGED
 from shukotsu.tables.catalogue import GAINS, JOINT_CENTRES, POSES
 from shukotsu.tables.parquet_files import naming_damage
@@ -92,7 +92,7 @@ def test_a_hand_alone_is_a_plan_of_its_poses(tmp_path: Path) -> None:
     alone = ["--layout", "liberty16", "--model", "rigid", "--calibration", rom, "--poses", pinch]
     arguments = options(*alone, "--hand-length-mm", 181, "--hand", "right")
     plan = subject_stage.plan_of(arguments)
-    assert (plan.subject, plan.hand_length_mm, plan.hand_breadth_mm) == ("01", 181.0, None)
+    assert (plan.who.subject, *plan.sizes_mm.values()) == ("01", 181.0, None)
     assert subject_stage.poses_files(plan) == [rom, pinch]
     assert plan.parts() == [RIGHT]
     assert [path.name for path in subject_stage.config_files(arguments)] == ["liberty16.yaml", "rigid.yaml"]
