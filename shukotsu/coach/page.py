@@ -32,7 +32,8 @@ _TEMPLATE = jinja2.Environment(
 
 def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
     """Write the page, whole or not at all. message : what stands over everything. Raises StorageError."""
-    rows = {} if coach.estimate is None else coach.estimate.rows
+    now = coach.calibration
+    rows = {} if now.estimate is None else now.estimate.rows
     text = _TEMPLATE.render(
         title=title,
         message=message,
@@ -40,7 +41,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
         every_s=None if coach.phase == ENDED else EVERY_S,
         phase=coach.phase,
         time_s=coach.time_s,
-        warnings=[*coach.findings, *coach.loose.values()],
+        warnings=[*coach.findings, *now.loose.values()],
         advice=coach.advice or coach.summary(),
         hand=_draw_hand(coach, rows),
         rows=[(r["joint"], f"{r['sd_mm']:.2f}", belief(r), first_reason(r)) for r in rows.values()],
@@ -52,7 +53,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
 
 def _draw_hand(coach: Coach, rows: Rows) -> Markup | None:
     """Draw the hand in the newest frame with most valid receivers, drawn as the report draws it."""
-    poses, hand = coach.newest, coach.hand
+    poses, hand = coach.calibration.newest, coach.hand
     if poses is None or not rows:
         return None
     seen = np.flatnonzero(poses.valid.sum(1) == poses.valid.sum(1).max())

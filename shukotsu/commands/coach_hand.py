@@ -130,7 +130,7 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
         last_note = "".join(recorder.notes[-1:]).removeprefix("error: ")
         raise InputError(f"{arguments.port}: nothing was recorded ({last_note})")
     print("\n".join(recorder.notes), file=sys.stderr)
-    exclude = PUT_RIGHT if coached.restarts else "" if coached.estimate else "it shows no hand"
+    exclude = PUT_RIGHT if coached.restarts else "" if coached.calibration.estimate else "it shows no hand"
     if arguments.study is not None:
         try:
             sheet = enter_recording(arguments.study, hand.whose, archive, exclude)

@@ -19,7 +19,7 @@ def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     write_page(path, coach, "a recording", "Nothing has come.")
     watched_page.open(path)
     coach.take(recorded(seed=7001, n_frames=1680)[1], may_leave_out=True)
-    assert coach.estimate is not None
+    assert coach.calibration.estimate is not None
     coach.findings = ["index_middle <b> is swapped"]
     write_page(path, coach, "a recording")
     page.locator(".advice", has_text=coach.advice).wait_for()  # by itself
