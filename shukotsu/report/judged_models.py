@@ -52,7 +52,9 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
     """Return the available numbers, in the order of METRICS."""
     judged = []
     for metric in METRICS:
-        rows = [row for row in results.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)]
+        rows = [
+            row for row in results.rows.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)
+        ]
         values: dict[str, dict[str, float]] = defaultdict(dict)
         for row in rows:
             if row["value"] is not None:
@@ -62,7 +64,7 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
         references = frozenset(row["model"] for row in rows if row["reference"])
         differences = [
             row
-            for row in results.model_differences
+            for row in results.rows.model_differences
             if (row["metric"], row["digit"]) == (metric, ALL_DIGITS) and row["n_compared_subjects"]
         ]
         judged.append(JudgedModels(metric, rows[0]["held_out"], dict(values), references, differences))
@@ -74,7 +76,7 @@ def model_to_take(results: StudyResults) -> str:
     leading = results.leading
     if results.hands and results.suspect >= {*results.hands}:
         return tr("Settle the findings first: every hand has one, so that nothing judges a model.")
-    verdicts = [row["verdict"] for row in results.judging.joints if row["model"] == leading]
+    verdicts = [row["verdict"] for row in results.judging.rows.joint_centres if row["model"] == leading]
     if verdicts and verdict.BELIEVE not in verdicts:
         return tr(
             "No joint can be believed, so no model is recommended: put right what is named below and in the "
@@ -173,7 +175,7 @@ def used_text(results: StudyResults) -> str:
 def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]:
     """Return joints believed of all, the typical error of a joint, and hands with a finding."""
     model = results.leading
-    every = [row for row in results.judging.joints if row["model"] == model]
+    every = [row for row in results.judging.rows.joint_centres if row["model"] == model]
     rows = [row for row in every if row["reason"] != verdict.NOT_WORN]
     hands = hands_counted(results, len({hand_of(row) for row in every}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)

@@ -51,7 +51,7 @@ def _count(n: int, name: str) -> str:
 
 
 def _describe_recordings(results: StudyResults) -> str:
-    used = [row for row in results.recording_rows if row["status"] == "used"]
+    used = [row for row in results.rows.recordings if row["status"] == "used"]
     rates = [
         (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
     ]
@@ -115,7 +115,7 @@ def _describe_models(results: StudyResults) -> str:
 
 
 def _describe_comparison(results: StudyResults) -> str:
-    fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
+    fresh = any(row["held_out"] and not row["reference"] for row in results.rows.skeleton_scores)
     seen = (
         "of tasks that they were not made from" if fresh else "that they were made from; nothing was held out"
     )

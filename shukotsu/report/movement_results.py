@@ -244,7 +244,7 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
     """Return what is shown of every factor of the study file, in its order."""
     if not study.factors:
         return []
-    problems = pd.DataFrame(results.problems, columns=["subject", "session", "hand", "severity"])
+    problems = pd.DataFrame(results.rows.problems, columns=["subject", "session", "hand", "severity"])
     everything = mark_suspect(factor_levels(study), study.factors, problems)
     reasons, asked = not_compared(study), study.config["compare"]
     factors = []

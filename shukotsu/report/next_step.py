@@ -31,7 +31,7 @@ _WORN_MORE = (verdict.NO_POSE, verdict.ONE_RECEIVER)
 
 def doubted_joints(results: StudyResults) -> list[JointCentresRow]:
     """Return rows of worn joints under the leading model, of hands that count, that are not believed."""
-    rows = (row for row in results.judging.joints if row["model"] == results.leading)
+    rows = (row for row in results.judging.rows.joint_centres if row["model"] == results.leading)
     return [row for row in rows if row["verdict"] != verdict.BELIEVE and row["reason"] != verdict.NOT_WORN]
 
 
@@ -40,7 +40,7 @@ def care_line(results: StudyResults) -> str:
     of_reason: dict[str, list[JointCentresRow]] = defaultdict(list)
     for row in doubted_joints(results):
         of_reason[row["reason"]].append(row)
-    n_hands = len({hand_of(row) for row in results.judging.joints})
+    n_hands = len({hand_of(row) for row in results.judging.rows.joint_centres})
     parts = []
     for rows in sorted(of_reason.values(), key=len, reverse=True)[:MOST_REASONS]:
         counts = Counter(row["joint"] for row in rows)
@@ -78,7 +78,7 @@ def next_step(results: StudyResults) -> str:
         joints = [*served[action]]
         return tr("Next: {action}; it serves {joints}.", action=action, joints=joints)
     hands = {hand_of(row) for row in doubted_joints(results)}
-    gains = [row for row in results.gains if row["model"] == results.leading and hand_of(row) in hands]
+    gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in hands]
     best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]
     return tr("Next: {action}", action=gain_lines(best)[0]) if best else ""
 

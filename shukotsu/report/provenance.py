@@ -75,12 +75,12 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
     Recordings that were not used for a reason that no problem tells come last, one item a reason.
     """
     apart = {id(row) for row in (*results.findings, *results.accepted)}
-    others = [row for row in results.problems if id(row) not in apart]
+    others = [row for row in results.rows.problems if id(row) not in apart]
     rows = sorted(
         [*results.findings, *others],
         key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])),
     )
-    messages = {row["message"] for row in results.problems}
+    messages = {row["message"] for row in results.rows.problems}
     unused: dict[str, list[str]] = defaultdict(list)
     for recording in results.recordings:
         status, message = results.status_of(recording)

@@ -17,6 +17,7 @@ from shukotsu.hand.posing import Skeleton
 from shukotsu.report.hand_motion import (
     MOST_FRAMES,
     HandMotion,
+    ModelledHand,
     ShownSkeleton,
     fitted_skeleton,
     hand_motion,
@@ -212,7 +213,9 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
     path = results.subject_table(hand, JOINT_SOLUTIONS.name)
     solutions = read_part(path, JOINT_SOLUTIONS, part, ["joint", "singular_values"]).to_pylist()
     errors = [
-        row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
+        row
+        for row in results.rows.tip_errors
+        if row_key(row) == recording_key(recording) and row["model"] == name
     ]
     angles = None
     if reader.is_fitted:
@@ -240,8 +243,9 @@ def _skeleton(
                 raise  # a fitted hand is posed, and shown, without a replay too
     nothing = np.full((len(poses.frame), 1), np.nan)
     replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
+    modelled = ModelledHand(layout, model, model_index, joints, replayed)
     if reader.is_fitted:
         bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
         worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-        return fitted_skeleton(layout, model, model_index, joints, worn, bones, replayed)
-    return receiver_skeleton(layout, model, model_index, joints, replayed, poses)
+        return fitted_skeleton(modelled, worn, bones)
+    return receiver_skeleton(modelled, poses)

@@ -80,7 +80,7 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
     """
     groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
     wanted = (*trial.who, trial.task, trial.trial)
-    for row in sorted(results.scores, key=lambda row: bool(row["hand"] != "right")):
+    for row in sorted(results.rows.skeleton_scores, key=lambda row: bool(row["hand"] != "right")):
         if tuple(row[name] for name in ("subject", "session", "task", "trial")) != wanted:
             continue
         groups[SkeletonLabel(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(
@@ -161,7 +161,7 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
     order = {name: index for index, name in enumerate(results.models)}
     groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
-    for row in results.joint_errors:
+    for row in results.rows.joint_errors:
         if hand_of(row).who == who:
             model = row["model"]
             skeleton = SkeletonLabel(

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -26,26 +26,22 @@ from shukotsu.study.config_files import (
     read_yaml,
     yaml_text,
 )
-from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.plan_file import (
     StudyPlans,
     fit_part,
     plan_digest,
     plan_from_content,
     plan_text,
-    read_plan,
     recordings_part,
 )
 from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import write_text
-from shukotsu.workflow.file_digests import STAMP, FileDigests
+from shukotsu.workflow.file_digests import FileDigests
+from shukotsu.workflow.former_results import remove_former_results
 
 DEMO = Path("config", "demo.yaml")
 """Study of a run that names none."""
-
-EXPORTED = ("sub-", "bids", "tables")
-"""Start of the file names of exports."""
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
@@ -364,31 +360,17 @@ class StudyFiles:
         """Digest of the plans of all subjects."""
         return plan_digest(self._contents)
 
-    def gathered(self, _: Wildcards = None) -> list[str]:
-        """Tables of all subjects from which the study's tables are made."""
-        tables = [
-            str(path)
-            for plan in self._plans.values()
-            for table in ("findings", "joint_solutions", "projected_joints", *results.GATHERED_TABLES)
-            for path in plan.files_of(table)
-        ]
-        return [*dict.fromkeys([*tables, *self._of_all(self.fit_tables)])]
-
     @property
     def tables(self) -> list[str]:
         """Every table of every subject."""
-        kinds = (self.poses, self.subject_tables)
-        return [path for each in kinds for path in self._of_all(each)]
+        return [*self._of_all(self.poses), *self._of_all(self.subject_tables)]
 
-    def all_poses(self, _: Wildcards = None) -> list[str]:
-        """Poses of all subjects."""
-        return self._of_all(self.poses)
-
-    def exported(self, _: Wildcards = None) -> list[str]:
+    @property
+    def exported(self) -> list[str]:
         """Tables of all subjects from which exports are made."""
         names = ("findings", *results.SKELETON_TABLES)
-        tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
-        return [*self.all_poses(), *tables, *self._of_all(self.fit_tables)]
+        tables = [str(plan.table(name)) for plan in self.subjects for name in names]
+        return [*self._of_all(self.poses), *tables, *self._of_all(self.fit_tables)]
 
     def _of_all(self, files: Callable[[Wildcards], list[str]]) -> list[str]:
         return [path for token in self._plans for path in files(SimpleNamespace(subject=token))]
@@ -422,62 +404,6 @@ class StudyFiles:
         files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
         files += [*self.tables, *self.subject_pages]
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
-
-
-def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
-    """Remove results of subjects, recordings, models and exports that no longer belong to the study.
-
-    Return the folders of these subjects and exports. A subject's results are those that the plan beside them
-    lists; exports are known by their names; other files are not touched. present : outputs of the present
-    rules.
-    """
-    exports = [
-        f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
-    ]
-    folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
-    for path in sorted(paths.folder.glob("sub-*/plan.json")):
-        plan = None
-        with suppress(InputError):  # a damaged plan does not tell what was made
-            plan = read_plan(path)
-        if plan is None or plan.folder != path.parent:
-            continue
-        files = [file for file in _files_of_subject(plan, paths, present) if file.as_posix() not in present]
-        folders += [plan.folder.name] if _remove(files, paths.folder) else []
-    return folders
-
-
-def _remove(files: Iterable[Path], top: Path) -> bool:
-    """Remove those of the files that exist, and folders below `top` that are then empty."""
-    removed = [file for file in files if file.is_file()]
-    for file in removed:
-        file.unlink()
-        with suppress(OSError):  # the first folder that is not empty
-            for folder in file.parents:
-                if folder == top:
-                    break
-                folder.rmdir()
-    return bool(removed)
-
-
-def _exported(folder: Path) -> Iterator[Path]:
-    """Exported files in a folder."""
-    yield from (f for f in sorted(folder.rglob("*")) if f.relative_to(folder).parts[0].startswith(EXPORTED))
-    yield folder / STAMP
-
-
-def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
-    """Paths of all results of a subject, according to its plan."""
-    yield plan.folder / "plan.json"
-    yield from map(plan.poses, plan.recordings)
-    yield from (plan.table(name) for name in results.SUBJECT_TABLES)
-    for model in (*plan.fitted_models, REFERENCE):
-        yield from (plan.table(name, hand, model) for hand in plan.hands for name in results.FIT_TABLES)
-    pages, exports = paths.subject_pages(*plan.who), paths.subject_exports(*plan.who)
-    if pages.as_posix() not in present:
-        yield from (paths.recording_page(recording) for recording in plan.recordings)
-        yield from (paths.subject_page(*plan.who), pages / results.FAILED_PAGES, pages / STAMP)
-    if exports.as_posix() not in present:
-        yield from _exported(exports)
 
 
 def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:

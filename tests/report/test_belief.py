@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -73,7 +72,7 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
 
-    return replace(results, joints=[of(row) for row in results.joints])
+    return results.with_rows(joint_centres=[of(row) for row in results.rows.joint_centres])
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
@@ -101,7 +100,7 @@ def test_the_words_are_of_the_columns(
 
 
 def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
-    rows = rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand")
+    rows = rows_where(fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand")
     block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
     assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Range moved [deg]")
     for row, cells in zip(rows, block.rows, strict=True):
@@ -114,7 +113,11 @@ def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
 
 def test_a_joint_a_little_less_well_known_says_what_it_serves_for(fitted: StudyResults) -> None:
     layout = fitted.layouts[LEFT]
-    row = {**rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand", verdict="believe")[0]}
+    row = {
+        **rows_where(
+            fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand", verdict="believe"
+        )[0]
+    }
     row |= {
         "sd_mm": 2.2,
         "verdict": "care",

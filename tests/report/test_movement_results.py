@@ -68,7 +68,7 @@ def test_a_dot_of_a_tasks_figure_is_a_subjects_mean_of_the_leading_model(
 
 def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, movement: StudyMovement) -> None:
     finding = {"subject": "P00", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
-    rest = read_movement(replace(results, problems=[finding]))
+    rest = read_movement(results.with_rows(problems=[finding]))
     assert not ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "1")).any()
     assert ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "2")).any()
     none = replace(movement, ranges=movement.ranges.iloc[:0])

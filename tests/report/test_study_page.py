@@ -47,12 +47,12 @@ def test_links_survive_any_name(name: str) -> None:
 
 
 def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
-    rows = rows_where(fitted.joints, model="whole-hand")
+    rows = rows_where(fitted.rows.joint_centres, model="whole-hand")
     believed = rows_where(rows, verdict="believe")
     sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
     errors = [
         row["value"]
-        for row in rows_where(fitted.model_values, metric="error_mm", model="whole-hand", digit="")
+        for row in rows_where(fitted.rows.model_values, metric="error_mm", model="whole-hand", digit="")
     ]
     joints, error, findings = big_numbers(fitted)
     assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
@@ -67,12 +67,12 @@ def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_pag
 def _suspect(results: StudyResults, *hands: str) -> StudyResults:
     row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
     row |= {"severity": "suspect", "message": "in m", "accepted": "", "variant": "", "values": ""}
-    return replace(results, problems=[row | {"hand": hand} for hand in hands])
+    return results.with_rows(problems=[row | {"hand": hand} for hand in hands])
 
 
 def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
     joints, _, findings = big_numbers(_suspect(fitted, "left"))
-    right = rows_where(fitted.joints, model="whole-hand", hand="right")
+    right = rows_where(fitted.rows.joint_centres, model="whole-hand", hand="right")
     assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
     joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
@@ -92,8 +92,11 @@ def test_one_hand_has_and_no_hands_have(fitted: StudyResults) -> None:
 
 def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResults) -> None:
     """In words of the hand; findings first; the measurement of a bone only where nothing else helps."""
-    believed = [row | {"verdict": "believe"} for row in fitted.joints]
-    assert (care_line(replace(fitted, joints=believed)), next_step(replace(fitted, joints=believed))) == (
+    believed = [row | {"verdict": "believe"} for row in fitted.rows.joint_centres]
+    assert (
+        care_line(fitted.with_rows(joint_centres=believed)),
+        next_step(fitted.with_rows(joint_centres=believed)),
+    ) == (
         "",
         "",
     )
@@ -102,7 +105,7 @@ def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResu
     def doubted(*joints: str, **doubts: object) -> StudyResults:
         doubt = {"sd_mm": 5.0, "verdict": "care", **note_doubts(doubts)}
         rows = [row | (doubt if row["joint"] in joints else {}) for row in believed]
-        return replace(fitted, joints=rows)
+        return fitted.with_rows(joint_centres=rows)
 
     little = doubted("thumb_ip", "thumb_mcp", **{MOVED_LITTLE: {"range_deg": 3.0}})
     reason = "moved only 3 deg; skin alone can look like that"
@@ -118,11 +121,17 @@ def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResu
 
 def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: StudyResults) -> None:
     by_anatomy = {"sd_mm": 25.98, **note_doubts({BY_ANATOMY: {}})}
-    rows = [row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None}) for row in fitted.joints]
-    joints, error, _ = big_numbers(replace(fitted, joints=rows))
+    rows = [
+        row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None})
+        for row in fitted.rows.joint_centres
+    ]
+    joints, error, _ = big_numbers(fitted.with_rows(joint_centres=rows))
     assert (error.value, error.of) == ("–", f"the recordings gave 0 {joints.unit} an error")
-    unworn = [row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {}) for row in fitted.joints]
-    fewer, error, _ = big_numbers(replace(fitted, joints=unworn))
+    unworn = [
+        row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {})
+        for row in fitted.rows.joint_centres
+    ]
+    fewer, error, _ = big_numbers(fitted.with_rows(joint_centres=unworn))
     assert int(fewer.unit.split()[1]) == int(joints.unit.split()[1]) - 2
     assert fewer.of.endswith("; for 2 more no receiver was worn")
     shown = rows_where(unworn, model="whole-hand", reason="not-worn")
@@ -141,7 +150,7 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
     assert [row[:2] for row in rows] == [[hand.subject, hand.hand] for hand in fitted.hands]
     assert digits[2:7] == ["thumb", "index", "middle", "ring", "little"]
     for hand, cells in zip(fitted.hands, rows, strict=True):
-        joints = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
+        joints = rows_where(fitted.rows.joint_centres, model="whole-hand", hand=hand.hand)
         shown = [
             ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.1f}") + MARKS[row["verdict"]] for row in joints
         ]
@@ -167,13 +176,13 @@ def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page
     caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
     header, *rows = table_called(fitted_study_page, caption).rows
     for row in rows:
-        bones = rows_where(fitted.bones, hand=row[1], model="whole-hand")
+        bones = rows_where(fitted.rows.bone_lengths, hand=row[1], model="whole-hand")
         cells = dict(zip(header[3:], row[3:], strict=True))
         assert len(cells) == len(bones) == 19
         for bone in bones:
             start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
             assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
-    times, n = times_expected(row for row in fitted.agreement if row["model"] == "whole-hand")["hand"]
+    times, n = times_expected(row for row in fitted.rows.agreement if row["model"] == "whole-hand")["hand"]
     differ = f"the right and the left hand differ by {times:.1f} times what was expected ({n} pairs)"
     assert differ in fitted_study_page
 
@@ -190,7 +199,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
     finding = Finding("quaternion-inverse", SUSPECT, "", seen)
     faults = [problem_row(STAGE, finding, subject=f"S{i:02}", hand="left", task="rom") for i in range(11)]
     accepted = problem_row(STAGE, finding.accept("a doll"), subject="S11", hand="left", task="rom")
-    many = replace(fitted, problems=[*notes, *faults, accepted])
+    many = fitted.with_rows(problems=[*notes, *faults, accepted])
     page = render_study(many, fitted_study.study)
     assert "Accepted in the recordings sheet: 1" in page
     shown, folded = (
@@ -212,7 +221,7 @@ def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, fitted_study: MadeStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("shukotsu.report.figures.panels.page_figure", lambda _: {}["x"])
-    page = render_study(replace(fitted, problems=[*fitted.problems]), fitted_study.study)
+    page = render_study(fitted.with_rows(problems=[*fitted.rows.problems]), fitted_study.study)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]
 

@@ -58,7 +58,7 @@ def test_a_failed_part_is_told_and_the_rest_is_shown(hostile: MadeStudy) -> None
         writer.columns(right, columns_from_rows(JOINT_CENTRES, [row]))
         writer.failure(left, "no frame was valid")
     results = hostile.subject(HOSTILE)
-    (problem,) = [p for p in results.problems if p["message"] == "no frame was valid"]
+    (problem,) = [p for p in results.rows.problems if p["message"] == "no frame was valid"]
     names = ("hand", "model", "stage")
     assert [problem[name] for name in names] == ["left", "whole-hand", "estimate_metacarpals"]
     assert results.joints_of == {(plan.hand("right"), "whole-hand"): [row]}

@@ -519,15 +519,15 @@ def compared(results: StudyResults) -> StudyResults:
     models = compare_models(scored_study(results))
     empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
     differences = [empty | row for row in models.differences]
-    return replace(results, model_values=models.values, model_differences=differences)
+    return results.with_rows(model_values=models.values, model_differences=differences)
 
 
 def scored_study(results: StudyResults) -> ScoredStudy:
     """Return what the stage reads of these results."""
     tables = {
-        "skeleton_scores": results.counted(results.scores),
-        "joint_errors": results.counted(results.joint_errors),
-        "recordings": results.recording_rows,
+        "skeleton_scores": results.counted(results.rows.skeleton_scores),
+        "joint_errors": results.counted(results.rows.joint_errors),
+        "recordings": results.rows.recordings,
     }
     frames = [
         pd.DataFrame.from_records(rows, columns=[column.name for column in TABLES[name].columns])

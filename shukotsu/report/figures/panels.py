@@ -343,32 +343,42 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
     names = [name for name, inside in zip(skeleton.points, near, strict=True) if not inside]
     absent = tr("Not in the picture: {names}.", names=listed(map(word, names))) if names else ""
     lines = wrap_text(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
-    middles = wide * scale / 2, (wide + _GUTTER_MM + deep / 2) * scale
-    draw = partial(
-        _draw_hand, motion=motion, skeleton=skeleton, views=flat(np.where(near[:, None], joints, np.nan)),
-        receivers=flat(receivers), middles=middles, scale=scale, lines=lines,
+    views = _HandViews(
+        joints=flat(np.where(near[:, None], joints, np.nan)),
+        receivers=flat(receivers),
+        middles=(wide * scale / 2, (wide + _GUTTER_MM + deep / 2) * scale),
         size=((wide + _GUTTER_MM + deep) * scale, tall * scale),
-    )  # fmt: skip
+        scale=scale,
+        lines=lines,
+    )
+    draw = partial(_draw_hand, motion=motion, skeleton=skeleton, views=views)
     return Panel("", title, tall * scale + _FOOT_MM + LINE_MM * len(lines), 0.0, draw)
 
 
-def _draw_hand(
-    axes: Axes,
-    motion: HandMotion,
-    skeleton: ShownSkeleton,
-    views: tuple[Array, Array],
-    receivers: tuple[Array, Array],
-    middles: tuple[float, float],
-    scale: float,
-    lines: list[str],
-    size: tuple[float, float],
-) -> None:
+@dataclass(frozen=True)
+class _HandViews:
+    """Two views of a hand, from its back and its side, in mm of the picture.
+
+    joints, receivers : positions (n, 2) in either. middles : where either is named. scale : mm a mm of the
+    hand. lines : words below.
+    """
+
+    joints: tuple[Array, Array]
+    receivers: tuple[Array, Array]
+    middles: tuple[float, float]
+    size: tuple[float, float]
+    scale: float
+    lines: list[str]
+
+
+def _draw_hand(axes: Axes, motion: HandMotion, skeleton: ShownSkeleton, views: _HandViews) -> None:
     """Draw bones in the colour of their digit, joints by verdict, receivers, names of digits and a scale."""
+    size, lines, scale = views.size, views.lines, views.scale
     looks = [look.colour for look in digit_looks(motion.digits).values()]
     axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
     digit_of = {bone.end: bone.digit for bone in skeleton.bones}
-    for joints, worn in zip(views, receivers, strict=True):
+    for joints, worn in zip(views.joints, views.receivers, strict=True):
         axes.plot(*worn.T, "s", color=SOFT, markersize=2.6, markeredgewidth=0.0, alpha=0.5, zorder=1)
         for bone in skeleton.bones:
             thick, colour = (2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT)
@@ -386,7 +396,7 @@ def _draw_hand(
             )  # fmt: skip
     taken: list[tuple[float, float, float]] = []
     for digit in motion.digits:
-        x, y = views[0][skeleton.points.index(f"{digit}_tip")]
+        x, y = views.joints[0][skeleton.points.index(f"{digit}_tip")]
         wide = width_mm(word(digit)) / 2 + 0.5
         y += 3.0
         while any(abs(x - at) < wide + reach and abs(y - height) < LINE_MM for at, height, reach in taken):
@@ -395,7 +405,7 @@ def _draw_hand(
             taken.append((x, y, wide))
             axes.text(x, y, word(digit), ha="center", va="center", fontsize=SMALL_PT)
     turned = tr("from the thumb's side") if "thumb" in motion.digits else tr("from the side")
-    for words, middle in zip((tr("from the back"), turned), middles, strict=True):
+    for words, middle in zip((tr("from the back"), turned), views.middles, strict=True):
         axes.text(middle, -1.0, words, ha="center", va="top", color=SOFT, fontsize=SMALL_PT)
     bar = size[0] - _BAR_MM * scale - 1.0, size[0] - 1.0
     axes.plot(bar, [-6.5, -6.5], marker="|", color=SOFT, linewidth=0.8, markersize=4.0)

@@ -208,7 +208,7 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     ]
     rows = [
         row
-        for row in results.tip_errors
+        for row in results.rows.tip_errors
         if (row["binding"], row_key(row)) == (LEAST_SQUARES, recording_key(recording))
         and row["mean_mm"] is not None
     ]

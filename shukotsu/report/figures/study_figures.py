@@ -240,9 +240,11 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
 
 def _errors_of_models(results: StudyResults, judged: JudgedModels) -> dict[str, _ModelErrors]:
     """Return means over the skeletons that the answer is of, held out or not, of a hand's joint."""
-    scored = {key_of(row, _SKELETON) for row in results.scores if row["held_out"] == judged.held_out}
+    scored = {
+        key_of(row, _SKELETON) for row in results.rows.skeleton_scores if row["held_out"] == judged.held_out
+    }
     values: dict[tuple[str, str, str, Hand], list[float]] = defaultdict(list)
-    for row in results.counted(results.joint_errors):
+    for row in results.counted(results.rows.joint_errors):
         if row["model"] in judged.references or key_of(row, _SKELETON) in scored:
             for kind, mm in (("error_mm", row["error_mm"]), ("sd_mm", row["sd_mm"])):
                 if mm is not None:
