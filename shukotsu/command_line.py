@@ -76,6 +76,14 @@ def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequ
         parser.add_argument(option_of(name), type=Path, required=True, help=help_text)
 
 
+def study_parser(stage: str, description: str) -> argparse.ArgumentParser:
+    """Return the parser of a stage that works on a whole study and writes into its results folder."""
+    example = f"shukotsu stage {stage} --study config/demo.yaml --results results/demo"
+    built = parser(f"shukotsu stage {stage}", description, example, records_failure=False)
+    add_study_options(built)
+    return built
+
+
 def add_study_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of a stage that works on a whole study: its file and its results folder."""
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
@@ -131,7 +139,7 @@ def script(
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> Callable[..., int]:
-    """Return a stage's `main`, which takes the arguments and returns the exit code; see `run`."""
+    """Return a stage's or command's `main`, which takes arguments and returns the exit code; see `run`."""
     return lambda argv=None: run(build_parser, argv, work, record_failure, record_bug)
 
 

@@ -94,6 +94,4 @@ def doctor(options: argparse.Namespace) -> int:
     return 0 if all(check.there for check in results if check.needed) else command_line.EXIT_BAD_INPUT
 
 
-def main(argv: list[str]) -> int:
-    """Look at everything; return the exit code."""
-    return command_line.run(build_parser, argv, doctor)
+main = command_line.script(build_parser, doctor)

@@ -36,6 +36,4 @@ def export_study(arguments: argparse.Namespace) -> None:
     export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)
 
 
-def main(argv: list[str]) -> int:
-    """Export; return the exit code."""
-    return command_line.run(build_parser, argv, export_study)
+main = command_line.script(build_parser, export_study)

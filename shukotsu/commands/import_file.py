@@ -40,6 +40,4 @@ def import_and_check(arguments: argparse.Namespace) -> None:
         print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
 
 
-def main(argv: list[str]) -> int:
-    """Import and check; return the exit code."""
-    return command_line.run(build_parser, argv, import_and_check, record_failure)
+main = command_line.script(build_parser, import_and_check, record_failure)

@@ -298,6 +298,4 @@ def draft_mappings(
     return Drafts({name: text for name, (text, _, _) in zip(names, groups, strict=False)}, of, refused)
 
 
-def main(argv: list[str]) -> int:
-    """Make the folder; return the exit code."""
-    return command_line.run(build_parser, argv, new_study)
+main = command_line.script(build_parser, new_study)

@@ -47,11 +47,6 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: list[str]) -> int:
-    """Run the command; return the exit code, or end the program with another where it was cut short."""
-    return command_line.run(build_parser, argv, record_tracker)
-
-
 def record_tracker(options: argparse.Namespace) -> None:
     """Record, and print what was kept; or list the ports, or ask the tracker.
 
@@ -110,3 +105,6 @@ def record_tracker(options: argparse.Namespace) -> None:
     message = f"{port}: {ending.reason} after {seconds:.1f} s; {out} keeps the first {kept_s:.1f} s"
     LinePrinter(sys.stderr).say(f"error: {message}")
     sys.exit(EXIT_CUT_SHORT)
+
+
+main = command_line.script(build_parser, record_tracker)

@@ -27,7 +27,6 @@ from shukotsu.report.hand_motion import (
 )
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import the_papers
-from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
 from shukotsu.tables.parts import Part, read_part
@@ -192,9 +191,7 @@ def _reader(results: StudyResults, recording: Recording, model: str) -> Recordin
         results.models[model],
         Part(hand.hand, model, "", *hand.who),
         results.poses(recording),
-        lambda name: (
-            results.fit_table(hand, model, name) if name in FIT_TABLES else results.subject_table(hand, name)
-        ),
+        lambda name: results.subject_table(hand, name, model),
     )
 
 

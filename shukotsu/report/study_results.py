@@ -18,11 +18,11 @@ from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.recording_summary import subject_tables
-from shukotsu.study.results import FAILED_PAGES, Results
+from shukotsu.study.results import FAILED_PAGES, Results, table_in
 from shukotsu.study.study import Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from shukotsu.tables.parts import Part, read_part
-from shukotsu.tables.subjects import Hand, SubjectSession, path_token
+from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import Table, key_of, read_metadata, read_table, rows_of
 from shukotsu.translation import tr
 
@@ -137,13 +137,9 @@ class StudyResults:
         """A recording's poses table."""
         return self.paths.folder / recording.hand.folder / recording.name / "poses.parquet"
 
-    def subject_table(self, hand: Hand, table: str) -> Path:
-        """A table of a hand's subject, of both hands and all models."""
-        return self.paths.subject(*hand.who) / f"{table}.parquet"
-
-    def fit_table(self, hand: Hand, model: str, table: str) -> Path:
-        """A table of a hand under a model that fits the whole hand."""
-        return self.paths.subject(*hand.who) / "fits" / hand.hand / path_token(model) / f"{table}.parquet"
+    def subject_table(self, hand: Hand, table: str, model: str = "") -> Path:
+        """A table of a hand's subject; of a fit of the whole hand that of this hand under a model."""
+        return table_in(self.paths.subject(*hand.who), table, hand.hand, model)
 
     @cached_property
     def suspect(self) -> frozenset[Hand]:
@@ -298,7 +294,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     rows: dict[str, Any] = {
         name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in TABLES_READ
     }
-    rows["problems"] += [*failures, *_failed_exports(study, paths), *_failed_pages(study, paths)]
+    rows["problems"] += [*failures, *_failed_files(study, paths)]
     return StudyResults(
         name=study.name,
         recordings=study.recordings,
@@ -331,18 +327,12 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     )
 
 
-def _failed_exports(study: Study, paths: Results) -> list[ProblemsRow]:
-    """List what the export stage could not write, and why."""
-    files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
-    return [
-        _problem(SubjectSession(""), "export", message, task=file.name.removesuffix(".failed.txt"))
-        for file in files
-        for message in file.read_text("utf-8").splitlines()
-    ]
-
-
-def _failed_pages(study: Study, paths: Results) -> Iterator[ProblemsRow]:
-    """Pages of subjects that could not be made, and why."""
+def _failed_files(study: Study, paths: Results) -> Iterator[ProblemsRow]:
+    """Report exports, then pages of subjects, that could not be made, and why."""
+    for file in sorted(paths.exports.glob("*.failed.txt")) if study.exports else ():
+        for message in file.read_text("utf-8").splitlines():
+            task = file.name.removesuffix(".failed.txt")
+            yield _problem(SubjectSession(""), "export", message, task=task)
     for who in study.sessions:
         file = paths.subject_pages(*who) / FAILED_PAGES
         for line in file.read_text("utf-8").splitlines() if file.is_file() else ():

@@ -1,7 +1,7 @@
 """Findings: contradictions between a recording's declared properties and its poses; sentences are made on
 display.
 
-Kinds stand in `mistakes.yaml`, sentences by kind and variant in `finding_sentences.yaml`.
+What kinds mean stands in `mistakes.yaml`, sentences by kind and variant in `finding_sentences.yaml`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import yaml
@@ -28,8 +27,6 @@ STAGE = "check_recordings"
 
 LEAST_LOST = 2.0
 """Percent of a receiver's poses in a recording; fewer that are left out change no number that is shown."""
-
-"""A row of the problems table, or of the findings table."""
 
 Values = Mapping[str, Any]
 """By name: numbers, words, or lists of them, as JSON has them."""
@@ -129,6 +126,11 @@ class Finding:
         return "; ".join(evidence)
 
     @property
+    def line(self) -> str:
+        """The finding as a terminal shows it, what is to be written in quotes."""
+        return f"{self.severity}: {self.kind}: {in_quotes(self.message)}"
+
+    @property
     def columns(self) -> dict[str, str]:
         """Columns of a table's row; values as JSON, empty where there is none."""
         return {
@@ -207,22 +209,6 @@ def finding_of(row: Mapping[str, Any]) -> Finding:
 def values_of(text: str) -> Values:
     """Return the values of a table's column."""
     return dict(json.loads(text)) if text else {}
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What a kind of finding means, what usually causes it, and what cures it."""
-
-    meaning: str
-    cause: str
-    cure: str
-
-
-@cache
-def kinds() -> dict[str, Kind]:
-    """Return every kind of mistake, from `mistakes.yaml`."""
-    content = yaml.load((ROOT / "schemas" / "mistakes.yaml").read_bytes(), yaml.CBaseLoader)
-    return {name: Kind(**texts) for name, texts in content.items()}
 
 
 def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Finding:

@@ -12,13 +12,13 @@ from shukotsu.errors import InputError, TableError
 from shukotsu.study.findings import REFUSED, SUSPECT
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
-from shukotsu.study.results import FIT_TABLES
+from shukotsu.study.results import FIT_TABLES, table_in
 from shukotsu.study.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
 from shukotsu.study.study import SIZES, Recording, Source
 from shukotsu.tables.catalogue import FINDINGS
 from shukotsu.tables.parts import Part, parts_in
 from shukotsu.tables.poses import one_hand, recording_name
-from shukotsu.tables.subjects import Hand, SubjectSession, path_token
+from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import read_table, rows_of
 from shukotsu.tables.whole_files import remedy_of
 
@@ -78,10 +78,9 @@ class SubjectPlan:
 
         Raises InputError where a command line names the tables to read, and not this one.
         """
-        is_of_fit = name in FIT_TABLES
         if self.named_tables is None:
-            folder = self.folder / "fits" / hand / path_token(model) if is_of_fit else self.folder
-            return folder / f"{name}.parquet"
+            return table_in(self.folder, name, hand, model)
+        is_of_fit = name in FIT_TABLES
         key = (name, hand, model) if is_of_fit else (name, "", "")
         if key not in self.named_tables:
             whose = f"of the {hand} hand under model {model} " if is_of_fit else ""

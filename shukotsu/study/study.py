@@ -169,7 +169,7 @@ class Study:
     @property
     def shown(self) -> tuple[Recording, ...]:
         """Recordings in which tips are evaluated; each has a page in the report."""
-        return evaluated_recordings(self.recordings)
+        return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
 
     def layout_of(self, hand: Hand) -> Path:
         """Return the layout of the hand's recordings; of several, the one with most receivers."""
@@ -184,25 +184,6 @@ class Study:
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
 
 
-def evaluated_recordings(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings in which tips are evaluated."""
-    return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
-
-
-def levels_of(
-    recordings: Iterable[Recording], participants: Iterable[Row], names: Iterable[str]
-) -> list[dict[str, str]]:
-    """Return a row for every recording: its key and its levels of all factors, empty where it has none."""
-    people = {row["subject"]: row.values for row in participants}
-    further = [name for name in names if name not in OWN_FACTORS]
-    rows = []
-    for recording in recordings:
-        values = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
-        texts = {name: "" if values.get(name) is None else str(values[name]) for name in further}
-        rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
-    return rows
-
-
 def factor_levels(study: Study) -> list[dict[str, str]]:
     """Return a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
 
@@ -210,8 +191,15 @@ def factor_levels(study: Study) -> list[dict[str, str]]:
     column of the participants or the recordings sheet. A level is text; it is empty where the recording or
     the participant has none. Raises InputError where the participants sheet cannot be read.
     """
-    participants = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
-    return levels_of(study.shown, participants, study.factors)
+    sheet = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
+    people = {row["subject"]: row.values for row in sheet}
+    further = [name for name in study.factors if name not in OWN_FACTORS]
+    rows = []
+    for recording in study.shown:
+        values = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
+        texts = {name: "" if values.get(name) is None else str(values[name]) for name in further}
+        rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
+    return rows
 
 
 def not_compared(study: Study) -> dict[str, str]:

@@ -158,7 +158,7 @@ class StudyFiles:
         """
         from shukotsu.workflow.made_from import recall  # imports Snakemake, often not needed
 
-        tables = [self.results.resolved.as_posix()] if self._changed_plans() else []
+        tables = [self.results.resolved.as_posix()] if self.changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
         spoiled: list[str] = []
         with suppress(OSError):  # Snakemake reports that the folder is not writable
@@ -168,15 +168,10 @@ class StudyFiles:
         named = [path.removeprefix(folder) for path in spoiled if path not in tables]
         return f"not as a run left them, and made anew: {list_names(named)}" if named else ""
 
-    def _changed_plans(self) -> dict[Path, str]:
+    def changed_plans(self) -> dict[Path, str]:
         """Return the new texts of plans that no longer match the study, by path."""
         texts = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
         return {path: t for path, t in texts.items() if path.is_file() and path.read_bytes() != t.encode()}
-
-    def write_changed_plans(self) -> None:
-        """Rewrite plans that no longer match the study; this is no job of Snakemake's."""
-        for path, text in self._changed_plans().items():
-            write_text(path, text)
 
     # --- of one subject -----------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from snakemake.logging import logger
 from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
+from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow import made_from, one_run, progress, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
@@ -75,7 +76,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         one_run.refuse(workflow, study.results.folder)
         with one_run.ending_in_a_sentence():
             _note(study.what_changed(), study.remove_former())
-            study.write_changed_plans()
+            for path, text in study.changed_plans().items():  # which is no job of Snakemake's
+                write_text(path, text)
         warm_process.start()
 
     workflow.onstart(start)

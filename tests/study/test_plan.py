@@ -49,7 +49,7 @@ def plan(folder: Path, *rows: str, subject: str = "01", **more: Any) -> SubjectP
     return plan_from_content(content(file, subject), "plan.json")
 
 
-def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_reads_back_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     file = write_study(Path("study"), *ROWS, models=("rigid", "whole-hand"), **SHEETS)
     path = write_plans(file)["01"]

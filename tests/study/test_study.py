@@ -157,7 +157,7 @@ def test_sessions_are_kept_apart(tmp_path: Path) -> None:
         ("01 right scale x", "row 2, column onset_s: is 'x'; expected a number"),
     ],
 )
-def test_events_are_of_one_recording(tmp_path: Path, row: str, message: str) -> None:
+def test_a_row_of_events_must_name_a_single_recording(tmp_path: Path, row: str, message: str) -> None:
     recordings = ("01 1 right scale both a.csv", "01 2 right scale both b.csv", "01 2 right rom both c.csv")
     with pytest.raises(InputError, match=message):
         study_of_sessions(tmp_path, *recordings, events=f"subject hand task onset_s\n{row}\n")
@@ -201,6 +201,8 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
         ("condition", "condition", "'condition' is a column of both sheets"),
     ],
 )
-def test_what_is_no_factor_is_refused(tmp_path: Path, factors: str, column: str, message: str) -> None:
+def test_a_column_that_is_no_factor_is_refused(
+    tmp_path: Path, factors: str, column: str, message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         study_of_factors(tmp_path, factors, column)
