@@ -75,7 +75,7 @@ def model_to_take(results: StudyResults) -> str:
     """Return the sentence which says which model to take and why."""
     leading = results.leading
     if results.hands and results.suspect >= {*results.hands}:
-        return tr("Settle the findings first: every hand has one, so that nothing judges a model.")
+        return tr("Resolve the findings first: every hand has one, so no model can be judged.")
     verdicts = [row["verdict"] for row in results.judging.rows.joint_centres if row["model"] == leading]
     if verdicts and verdict.BELIEVE not in verdicts:
         return tr(
@@ -163,7 +163,7 @@ def used_text(results: StudyResults) -> str:
     in_doubt = sum(each.hand in results.suspect for each in used)
     others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
     if in_doubt:
-        others.append(tr("{n} in no statistic, for what was found", n=in_doubt))
+        others.append(tr("{n} left out of all statistics because of findings", n=in_doubt))
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
     text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
     text += f" ({listed(others)})" if others else ""
@@ -180,7 +180,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     hands = hands_counted(results, len({hand_of(row) for row in every}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
     total = ngettext("{n} joint", "{n} joints", len(rows))
-    of_joints = tr("can be believed: no hand that counts has a joint under {model}", model=model)
+    of_joints = tr("can be believed: no hand without a finding has a joint under {model}", model=model)
     if every:
         of_joints = tr(
             "can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands
@@ -196,7 +196,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
         BigNumber(
             str(suspects),
             tr("of {total}", total=hands_counted(results, len(results.hands))),
-            mistaken + (tr(", in no statistic unless accepted") if suspects else ""),
+            mistaken + (tr(", left out of statistics unless accepted") if suspects else ""),
         ),
     )
 
@@ -204,8 +204,10 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
 def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow], total: str) -> BigNumber:
     """Return the median error of joints and of how many, or that none comes from the recordings."""
     stated = [row for row in rows if row["sd_mm"] is not None]
+    if not rows:
+        return BigNumber(DASH, "", tr("there is no typical error, since no joint counts"))
     if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):
-        return BigNumber(DASH, "", tr("the recordings gave 0 of {total} an error", total=total))
+        return BigNumber(DASH, "", tr("none of {total} has an error from the recordings", total=total))
     typical = tr(
         "is how far off the model expects a joint to be: the median of {n} of {total}, 1 sigma in 3-D",
         n=len(stated),

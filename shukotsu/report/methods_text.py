@@ -71,7 +71,7 @@ def _describe_recordings(results: StudyResults) -> str:
     if results.suspect:
         sessions = {hand: f", session {hand.session}" if hand.session else "" for hand in results.suspect}
         hands = ", ".join(sorted(f"subject {h.subject}{at}, {h.hand} hand" for h, at in sessions.items()))
-        text += f". Left out of every statistic, for what was found in their recordings: {hands}"
+        text += f". Left out of all statistics because of findings in their recordings: {hands}"
     if results.simulated:
         return f"{text}. The simulator knows the true skeleton; no person's hand is behind these numbers."
     trackers = ", ".join(sorted({row["tracker"] for row in used if row.get("tracker")}))

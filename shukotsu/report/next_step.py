@@ -76,7 +76,7 @@ def next_step(results: StudyResults) -> str:
     if missed_mm:
         action = max(missed_mm, key=lambda each: missed_mm[each])
         joints = [*served[action]]
-        return tr("Next: {action}; it serves {joints}.", action=action, joints=joints)
+        return tr("Next: {action}; it improves {joints}.", action=action, joints=joints)
     hands = {hand_of(row) for row in doubted_joints(results)}
     gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in hands]
     best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]

@@ -56,7 +56,7 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     joints = [line for line in lines if line[:1] != " "]
     assert len(joints) == 15
     assert any(line.startswith("index_pip") and "believe" in line for line in joints)
-    assert any(line.startswith("thumb_cmc") and "care     known less well" in line for line in joints)
+    assert any(line.startswith("thumb_cmc") and "care     its error exceeds" in line for line in joints)
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 
@@ -130,7 +130,7 @@ def test_the_movement_of_the_least_sure_joints_is_asked_for_until_it_is_seen(
     assert (request and request.movement.name) == movement
 
 
-def test_what_movements_cannot_better_is_left() -> None:
+def test_joints_that_movements_do_not_improve_are_left() -> None:
     times_s = [7.0 * step for step in range(MOST_VAIN + 2)]
     assert advised({"index_mcp": 5.0}, 90.0, *times_s[: MOST_VAIN - 1]).phase != ENOUGH
     coach = advised({"index_mcp": 5.0}, 90.0, *times_s)

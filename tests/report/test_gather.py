@@ -144,7 +144,7 @@ def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
     assert note.endswith("note, status")
 
 
-def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
+def test_an_unsure_clock_is_a_problem_of_its_recording(plans: list[SubjectPlan], tmp_path: Path) -> None:
     hand = vars(plans[0].hand("right"))
     rows = [
         row_of(CLOCKS, **hand, task="pinch", trial=trial, status=status, message=status)
@@ -157,7 +157,7 @@ def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path
 
 
 @pytest.mark.usefixtures("plans")
-def test_rows_of_every_whole_skeleton_in_order(tmp_path: Path) -> None:
+def test_gathered_tables_hold_every_whole_skeleton_in_the_sheets_order(tmp_path: Path) -> None:
     tables = gathered(tmp_path)
     hands = [("01", "right"), ("01", "left"), ("02", "right")]
     skeletons = [(*hand, model) for hand in hands for model in MODELS]

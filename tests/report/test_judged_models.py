@@ -64,7 +64,7 @@ def test_few_subjects_test_nothing_and_say_so(fingers: StudyResults) -> None:
     assert model_to_take(two).endswith("(2 subjects, too few to test the difference).")
 
 
-def test_what_is_not_shown_is_said(fingers: StudyResults) -> None:
+def test_a_difference_that_is_not_shown_is_reported_with_its_p(fingers: StudyResults) -> None:
     mean = means(fingers, "error_mm")
     noise = np.random.default_rng(1).normal(1.0, 0.3, 12)
     factor = dict(zip(fingers.subjects, noise, strict=True))
@@ -86,7 +86,7 @@ def test_without_a_truth_hidden_receivers_judge_fitted_hands(fingers: StudyResul
     )
 
 
-def test_what_judges_nothing_says_so(fingers: StudyResults) -> None:
+def test_without_a_judging_number_no_model_is_recommended(fingers: StudyResults) -> None:
     """Nothing held out, no model that fits the whole hand, every hand with a finding."""
     seen = without_truth(fingers, held_out=False)
     assert model_to_take(seen).endswith("no recording was held out that could judge it.")
@@ -95,7 +95,7 @@ def test_what_judges_nothing_says_so(fingers: StudyResults) -> None:
         "No model can be chosen here"
     )
     findings = [vars(hand) | {"severity": "suspect"} for hand in fingers.hands]
-    assert model_to_take(fingers.with_rows(problems=findings)).startswith("Settle the findings first")
+    assert model_to_take(fingers.with_rows(problems=findings)).startswith("Resolve the findings first")
 
 
 def test_p_never_rounds_over_the_level() -> None:

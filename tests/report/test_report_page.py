@@ -53,7 +53,9 @@ def test_pages_load_nothing(pages: dict[Path, str]) -> None:
         assert "@import" not in page
 
 
-def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> None:
+def test_every_link_of_the_report_leads_to_a_file_or_an_anchor(
+    pages: dict[Path, str], results: StudyResults
+) -> None:
     """Entries of the contents have sections, other links pages; from the study all are reached, and back."""
     shown = {results.paths.recording_page(recording) for recording in results.shown}
     for path, page in pages.items():
@@ -122,7 +124,7 @@ def test_least_squares_table_equals_the_parquet_table(results: StudyResults, pag
         assert cells[column : column + 2] == [f"{row['mean_mm']:.2f}", f"{row['p95_mm']:.2f}"]
 
 
-def test_what_went_wrong_is_told(page: str) -> None:
+def test_every_problem_is_on_the_page(page: str) -> None:
     text = " ".join(read_page(page).text)
     assert "3 of 4 recordings used (1 failed)" in text
     assert "row 7, column x_mm" in text

@@ -19,7 +19,7 @@ def _mean(rows: list[dict[str, Any]], name: str) -> str:
     return f"{np.mean(values):.{decimals}f}" if values else "–"
 
 
-def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
+def test_scores_on_the_page_are_means_of_skeleton_scores(fitted: StudyResults, fitted_page: str) -> None:
     """Held-out rows, in-sample ones, references; every cell the mean over both hands' digits."""
     table = table_called(fitted_page, SCORES)
     assert [row[:3] for row in table.rows] == [
@@ -43,7 +43,7 @@ def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -
         assert cells[3:] == expected
 
 
-def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> None:
+def test_the_truth_table_is_that_of_joint_errors(fitted: StudyResults, fitted_page: str) -> None:
     """Median, 90th percentile, worst, share far off, parts, axis, bones and coverage, a row a skeleton."""
     (table,) = [table for table in read_page(fitted_page).tables if table.caption.startswith(TRUTH)]
     assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [

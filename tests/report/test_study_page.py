@@ -46,7 +46,7 @@ def test_links_survive_any_name(name: str) -> None:
     assert "".join(shown.text).split() == name.split()
 
 
-def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
+def test_the_three_numbers_follow_from_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
     rows = rows_where(fitted.rows.joint_centres, model="whole-hand")
     believed = rows_where(rows, verdict="believe")
     sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
@@ -76,18 +76,20 @@ def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
     assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
     joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
-    assert joints.of == "can be believed: no hand that counts has a joint under whole-hand"
+    assert joints.of == "can be believed: no hand without a finding has a joint under whole-hand"
 
 
-def test_one_hand_has_and_no_hands_have(fitted: StudyResults) -> None:
+def test_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) -> None:
     """Also a number that is not there, and recordings that are in no statistic, read as sentences."""
     suspect = _suspect(fitted, "left", "right")
     assert numbers_texts(_suspect(fitted, "left"))[2].startswith("1 of 2 hands has recordings")
     one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
     assert numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
     assert numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
-    assert numbers_texts(suspect)[1] == "The recordings gave 0 of 0 joints an error."
-    assert used_text(suspect).startswith("0 of 4 recordings used (4 in no statistic, for what was found)")
+    assert numbers_texts(suspect)[1] == "There is no typical error, since no joint counts."
+    assert used_text(suspect).startswith(
+        "0 of 4 recordings used (4 left out of all statistics because of findings)"
+    )
 
 
 def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResults) -> None:
@@ -110,10 +112,11 @@ def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResu
     little = doubted("thumb_ip", "thumb_mcp", **{MOVED_LITTLE: {"range_deg": 3.0}})
     reason = "moved only 3 deg; skin alone can look like that"
     assert care_line(little) == f"With care: thumb_mcp and thumb_ip: {reason}."
-    serves = "bend and straighten the thumb alone for 10 s; it serves thumb_mcp and thumb_ip."
+    serves = "bend and straighten the thumb alone for 10 s; it improves thumb_mcp and thumb_ip."
     assert next_step(little) == f"Next: {serves}"
     dead = doubted("index_dip", **{NO_POSE: {"segments": ["index_distal"]}})
-    assert next_step(dead) == "Next: wear a receiver on index_distal, and record again; it serves index_dip."
+    worn = "wear a receiver on index_distal, and record again; it improves index_dip."
+    assert next_step(dead) == f"Next: {worn}"
     placed = doubted("wrist", **{BY_ANATOMY: {}})
     assert next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
     assert "Measuring" in next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))
@@ -126,7 +129,7 @@ def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: Stud
         for row in fitted.rows.joint_centres
     ]
     joints, error, _ = big_numbers(fitted.with_rows(joint_centres=rows))
-    assert (error.value, error.of) == ("–", f"the recordings gave 0 {joints.unit} an error")
+    assert (error.value, error.of) == ("–", f"none {joints.unit} has an error from the recordings")
     unworn = [
         row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {})
         for row in fitted.rows.joint_centres
@@ -159,7 +162,7 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
         assert cells[-1] == f"{believed}/{len(joints)}"
         for row in rows_where(joints, verdict="care"):
             assert f'subject.html#{hand.hand}-{row["joint"]}">◆</a>' in fitted_study_page
-    assert 'title="has no place: too few frames (3)"' in fitted_study_page
+    assert 'title="has no position: too few frames (3)"' in fitted_study_page
 
 
 def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: dict[Path, str]) -> None:
@@ -171,7 +174,7 @@ def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: di
     assert page.count("<title>right hand of") == len(results.subjects)
 
 
-def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page: str) -> None:
+def test_bone_lengths_of_all_hands_are_one_table(fitted: StudyResults, fitted_study_page: str) -> None:
     """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
     caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
     header, *rows = table_called(fitted_study_page, caption).rows

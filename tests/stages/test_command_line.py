@@ -98,7 +98,7 @@ def test_a_hand_alone_is_a_plan_of_its_poses(tmp_path: Path) -> None:
     assert [path.name for path in subject_stage.config_files(arguments)] == ["liberty16.yaml", "rigid.yaml"]
 
 
-def test_poses_of_another_recording_than_the_plan_says(tmp_path: Path) -> None:
+def test_poses_of_another_recording_than_the_plan_says_are_refused(tmp_path: Path) -> None:
     rows = ("01 right rom both a.csv", "01 right pinch both b.csv - - moved")
     plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     path = plan.poses(plan.recordings[0])
@@ -135,7 +135,7 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
         subject_stage.check_made_together(table, other)
 
 
-def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_running_out_of_memory_is_one_sentence_and_no_result(capsys: pytest.CaptureFixture[str]) -> None:
 
     def work(_: argparse.Namespace) -> None:
         raise pa.ArrowMemoryError("malloc of size 99 failed")

@@ -223,6 +223,12 @@ class PanelRow:
     mean: float | None = None
     interval: tuple[float, float] | None = None
 
+    def middle(self) -> float | None:
+        """The mean, or else the median; None without a number."""
+        if self.mean is None and self.numbers:
+            return float(np.quantile([*self.numbers.values()], 0.5))
+        return self.mean
+
     def values(self) -> list[float]:
         """Everything of the row that its scale must hold."""
         return [*self.numbers.values(), *([] if self.mean is None else [self.mean]), *(self.interval or ())]
@@ -232,17 +238,19 @@ def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_
     """Draw named rows, the first on top: a dot a number, each name's as far aside in every row.
 
     of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
-    mean or median.
+    mean or median, else all with the same decimals.
     """
     row_axes(axes, [word(row.name) for row in rows], axis, scale, top=bool(of_all))
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     aside_of = dict(zip(names, scatter_steps(len(names)), strict=True))
     size = 3.4 if len(names) <= 12 else 2.6 if len(names) <= 40 else 1.8
-    for y, row in enumerate(rows):
+    middles = [row.middle() for row in rows]
+    decimals = 1 if max((abs(each) for each in middles if each is not None), default=0.0) >= 10.0 else 2
+    for y, (row, middle) in enumerate(zip(rows, middles, strict=True)):
         values = np.array(list(row.numbers.values()))
-        middle, bar, colour = row.mean, row.interval, INK
-        if middle is None and len(values):
-            low, middle, high = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
+        bar, colour = row.interval, INK
+        if row.mean is None and len(values):
+            low, high = np.quantile(values, [0.25, 0.75]).tolist()
             bar, colour = ((low, high) if len(values) >= FEWEST_FOR_QUARTILES else None), row.look.colour
         if len(values):  # far below the foot of a logarithmic scale matplotlib leaves dots out
             x = np.maximum(values, scale.low) if scale.kind == "log" else values
@@ -260,7 +268,7 @@ def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_
             markeredgewidth=0.6, markeredgecolor=PAPER,
         )  # fmt: skip
         if of_all:
-            note = number(middle, 1 if abs(middle) >= 1.0 else 2).replace("-", "−")
+            note = number(middle, decimals).replace("-", "−")
             note += f" (n = {len(values)})" if 0 < len(values) < of_all else ""
             _write_aside(axes, y, note, INK)
     if of_all:
@@ -278,7 +286,9 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     """Name rows from the top, with one free above if `top`, over a horizontal axis with a grid."""
     axes.set_ylim(len(names) - 0.5, -1.5 if top else -0.5)
     axes.set_yticks(range(len(names)))
-    axes.yaxis.set_major_formatter(FixedFormatter(["\n".join(map(_shortened, n.split("\n"))) for n in names]))
+    lines = [name.split("\n") for name in names]
+    short = [[w if len(w) <= ROW_LETTERS else w[: ROW_LETTERS - 1] + "…" for w in words] for words in lines]
+    axes.yaxis.set_major_formatter(FixedFormatter(["\n".join(words) for words in short]))
     axes.spines["left"].set_visible(False)
     axes.set_xscale(scale.kind)
     axes.set_xlim(scale.low, scale.high)
@@ -288,10 +298,6 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     axes.grid(axis="x", clip_on=False)
     axes.tick_params(length=0)
     axes.set_xlabel(axis)
-
-
-def _shortened(name: str) -> str:
-    return name if len(name) <= ROW_LETTERS else name[: ROW_LETTERS - 1] + "…"
 
 
 def locator(scale: Scale) -> Locator:

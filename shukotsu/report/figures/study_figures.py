@@ -160,7 +160,7 @@ def models(results: StudyResults) -> tuple[Figure, str]:
         for name, panel in zip(panel_names(len(panels)), panels, strict=True)
     ]
     return print_figure(in_rows(panels, 2)), tr(
-        "Skeleton models held against each other. {study_text} A dot is a subject, the mean over hands, "
+        "Skeleton models compared. {study_text} A dot is a subject, the mean over hands, "
         "recordings and digits, and a line goes through one subject's dots; mark: mean; bar: its 95 % "
         "interval, from {n} subjects on. The replay's error says how well joints close and not where they "
         "are. {headings}",
@@ -304,7 +304,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         "Which joints to believe: share of the study's hands [%] in which a joint is to be "
         "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
         "nothing contradicts that), with care (to {care} mm, or something is against it), not "
-        "(known less well still, contradicted, suspect, or failed), or has no result or no receiver. "
+        "(larger error, contradicted, suspect, or failed), or has no result or no receiver. "
         "{study_text} Made from all of the model's calibration recordings. Models that agree "
         "share a panel. A joint that a model does not have has no bar.",
         wanted=wanted_text(results.layouts.values()),
@@ -369,7 +369,7 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
     if movement.ranges.empty:
         if movement.measured:
             raise NoDataError(
-                tr("every hand that has joint angles has a suspect finding, and counts in nothing")
+                tr("every hand with joint angles has a suspect finding and is left out of all statistics")
             )
         raise NoDataError(tr("no recording of this study has joint angles"))
     return print_figure(list(range_panels(movement).values())), tr(
@@ -463,7 +463,7 @@ def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tupl
     return print_figure(in_rows(panels, 2)), tr(
         "Levels of the study's factors: the numbers that the study file names, and those that differ most. "
         "{study_text} Model {model}. A dot is a subject, the mean over trials and sessions; where subjects "
-        "have both levels a line goes through their dots; mark: mean. Tests stand in movement_differences.",
+        "have both levels a line goes through their dots; mark: mean. Tests are in movement_differences.",
         study_text=study_text(results),
         model=movement.model,
     )
