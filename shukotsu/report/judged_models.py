@@ -16,7 +16,7 @@ from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
 from shukotsu.study.model import the_papers
-from shukotsu.translation import listed, ngettext, tr, word
+from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow, ModelDifferencesRow
@@ -135,17 +135,19 @@ def taken_model(results: StudyResults) -> str:
     return results.leading if row is None else str(row["model"])
 
 
+_CLAIMS = {
+    TRUTH: N_("Take the model {model}: its joints are {mean} mm from the true ones on average"),
+    "true_tip_mean_mm": N_(
+        "Take the model {model}: its fingertips are {mean} mm from the true ones on average"
+    ),
+    LEFT_OUT: N_(
+        "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it has not seen"
+    ),
+}
+
+
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:
-    values = {"model": model, "mean": format_value(judged.metric, mean)}
-    if judged.metric == TRUTH:
-        return tr("Take the model {model}: its joints are {mean} mm from the true ones on average", **values)
-    if judged.metric == LEFT_OUT:
-        return tr(
-            "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it "
-            "has not seen",
-            **values,
-        )
-    return tr("Take the model {model}: its fingertips are {mean} mm from the true ones on average", **values)
+    return tr(_CLAIMS[judged.metric], model=model, mean=format_value(judged.metric, mean))
 
 
 class BigNumber(NamedTuple):

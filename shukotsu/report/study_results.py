@@ -19,7 +19,7 @@ from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.recording_summary import subject_tables
 from shukotsu.study.results import FAILED_PAGES, Results, table_in
-from shukotsu.study.study import Recording, Study
+from shukotsu.study.study import OfRecordings, Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.subjects import Hand, SubjectSession
@@ -97,7 +97,7 @@ def by_hand_and_model(rows: Iterable[RowType]) -> dict[HandModel, list[RowType]]
 
 
 @dataclass(frozen=True)
-class StudyResults:
+class StudyResults(OfRecordings):
     """A study, or the part of it that is one subject's, with its results."""
 
     name: str
@@ -108,25 +108,10 @@ class StudyResults:
     layouts: Mapping[Hand, Layout]
     rows: StudyRows
 
-    @cached_property
-    def subjects(self) -> list[str]:
-        """Every subject, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand.subject for recording in self.recordings))
-
-    @cached_property
-    def sessions(self) -> list[SubjectSession]:
-        """Every subject in every session of theirs, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand.who for recording in self.recordings))
-
     @property
     def has_sessions(self) -> bool:
         """Return whether the sheet names any session."""
         return any(who.session for who in self.sessions)
-
-    @cached_property
-    def hands(self) -> list[Hand]:
-        """Every hand, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand for recording in self.recordings))
 
     @cached_property
     def shown(self) -> list[Recording]:

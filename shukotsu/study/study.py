@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -107,8 +108,29 @@ class Simulation:
     seed: int
 
 
+class OfRecordings:
+    """Whose a study's recordings are, everything in the sheet's order."""
+
+    recordings: tuple[Recording, ...]
+
+    @cached_property
+    def hands(self) -> tuple[Hand, ...]:
+        """Every hand."""
+        return tuple(dict.fromkeys(recording.hand for recording in self.recordings))
+
+    @cached_property
+    def subjects(self) -> tuple[str, ...]:
+        """Every subject."""
+        return tuple(dict.fromkeys(hand.subject for hand in self.hands))
+
+    @cached_property
+    def sessions(self) -> tuple[SubjectSession, ...]:
+        """Every subject in every session of theirs."""
+        return tuple(dict.fromkeys(hand.who for hand in self.hands))
+
+
 @dataclass(frozen=True)
-class Study:
+class Study(OfRecordings):
     """One study file with its sheets, layouts and models, read and checked."""
 
     name: str
@@ -122,27 +144,12 @@ class Study:
     config: dict[str, Any]
     unusable: tuple[UnusableRow, ...] = ()
 
-    @property
-    def hands(self) -> tuple[Hand, ...]:
-        """Every hand of the study, in the sheet's order."""
-        return tuple(self._by_hand)
-
     @cached_property
-    def _by_hand(self) -> dict[Hand, list[Recording]]:
-        hands: dict[Hand, list[Recording]] = {}
+    def _layouts_of(self) -> dict[Hand, dict[Path, None]]:
+        layouts: dict[Hand, dict[Path, None]] = defaultdict(dict)
         for recording in self.recordings:
-            hands.setdefault(recording.hand, []).append(recording)
-        return hands
-
-    @property
-    def subjects(self) -> tuple[str, ...]:
-        """Every subject of the study, in the sheet's order."""
-        return tuple(dict.fromkeys(recording.hand.subject for recording in self.recordings))
-
-    @property
-    def sessions(self) -> tuple[SubjectSession, ...]:
-        """All sessions of all subjects, in the sheet's order."""
-        return tuple(dict.fromkeys(recording.hand.who for recording in self.recordings))
+            layouts[recording.hand][recording.source.layout] = None
+        return layouts
 
     def of_session(self, subject: str, session: str = "") -> Study:
         """Return the study with only the recordings of that subject and session.
@@ -173,7 +180,7 @@ class Study:
 
     def layout_of(self, hand: Hand) -> Path:
         """Return the layout of the hand's recordings; of several, the one with most receivers."""
-        layouts = list(dict.fromkeys(recording.source.layout for recording in self._by_hand[hand]))
+        layouts = [*self._layouts_of[hand]]
         if len(layouts) == 1:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))

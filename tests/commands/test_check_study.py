@@ -128,9 +128,7 @@ def test_a_good_recording_has_three_lines_on_what_would_gain(
     assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
 
 
-def test_a_recording_of_the_other_hand_has_no_finding_but_that(
-    rom: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_other_hand_is_the_only_finding(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert check([str(rom), "--hand", "left"]) == 1
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")

@@ -53,9 +53,7 @@ def test_pages_load_nothing(pages: dict[Path, str]) -> None:
         assert "@import" not in page
 
 
-def test_every_link_of_the_report_leads_to_a_file_or_an_anchor(
-    pages: dict[Path, str], results: StudyResults
-) -> None:
+def test_every_link_leads_to_a_file_or_anchor(pages: dict[Path, str], results: StudyResults) -> None:
     """Entries of the contents have sections, other links pages; from the study all are reached, and back."""
     shown = {results.paths.recording_page(recording) for recording in results.shown}
     for path, page in pages.items():

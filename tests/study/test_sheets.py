@@ -100,9 +100,7 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
          "row 2, column sd_mm: is '-1'; expected a number above zero"),
     ],
 )  # fmt: skip
-def test_a_bad_cell_is_refused_with_its_row_and_column(
-    tmp_path: Path, sheet: Sheet, lines: list[str], message: str
-) -> None:
+def test_a_bad_cell_is_refused_by_name(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
     path = written(tmp_path, lines)
     with pytest.raises(InputError, match=message) as caught:
         read_sheet(path, sheet)

@@ -201,8 +201,6 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
         ("condition", "condition", "'condition' is a column of both sheets"),
     ],
 )
-def test_a_column_that_is_no_factor_is_refused(
-    tmp_path: Path, factors: str, column: str, message: str
-) -> None:
+def test_a_wrong_factor_is_refused(tmp_path: Path, factors: str, column: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         study_of_factors(tmp_path, factors, column)
