@@ -31,7 +31,7 @@ _TEMPLATE = jinja2.Environment(
 
 
 def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
-    """Write the page, whole or not at all. message : what stands over everything. Raises StorageError."""
+    """Write the page, whole or not at all. message : shown on top. Raises StorageError."""
     now = coach.calibration
     rows = {} if now.estimate is None else now.estimate.rows
     text = _TEMPLATE.render(

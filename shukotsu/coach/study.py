@@ -30,7 +30,7 @@ _BOM = b"\xef\xbb\xbf"
 
 
 def hand_alone(layout: str | None, hand: str) -> CoachedHand:
-    """A hand of no study. Raises InputError where there is no such layout, or it is of no hand."""
+    """A hand without a study. Raises InputError where the layout does not exist or is not of a hand."""
     return _hand(read_layout(layout or USUAL_LAYOUT), hand, read_model(USUAL_MODEL), None, {})
 
 

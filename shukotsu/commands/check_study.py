@@ -1,4 +1,4 @@
-"""Read a study and its recordings as a run would; say what is wrong, and what lies outside its folder."""
+"""Read a study and its recordings as a run would; report faults, and files outside its folder."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
 
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
-    """Import every recording into a folder that is removed again; return what is to say."""
+    """Import every recording into a temporary folder; return the findings."""
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
     findings: list[Said] = []
     digests: list[tuple[Recording, str]] = []

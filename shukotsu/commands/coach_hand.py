@@ -108,7 +108,7 @@ def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopR
 
 
 def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> bool:
-    """Record and coach one hand; return whether receivers were put right in it, and it is recorded anew."""
+    """Record and coach one hand; return whether receivers were corrected, so that it is recorded again."""
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.live_poses import Recorder
     from shukotsu.coach.study import enter_recording, new_archive

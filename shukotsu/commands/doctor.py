@@ -1,4 +1,4 @@
-"""Command line: what is missing of what studies need, and what this machine can do."""
+"""Command line: what studies need and is missing, and what this machine can do."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def export_study(arguments: argparse.Namespace) -> None:
-    """Export what is asked for of every subject. InputError where the study was not run in this folder."""
+    """Export every subject as requested. InputError where the study was not run in this folder."""
     from shukotsu.export.exported_plans import export_plans
     from shukotsu.study.plan_file import plan_of_results
 

@@ -11,7 +11,7 @@ from shukotsu.readers.import_recording import build_parser, import_recording, re
 
 
 def import_and_check(arguments: argparse.Namespace) -> None:
-    """Import the recording; but in a study, where a rule checks, print what came of it and cannot be so."""
+    """Import the recording; outside a study, where no rule checks it, print a summary and its findings."""
     import numpy as np
 
     from shukotsu.checks.checked_subject import checked_poses

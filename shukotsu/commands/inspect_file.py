@@ -1,4 +1,4 @@
-"""Command line: a file of whatever kind -> what is in it, and on request a mapping to edit."""
+"""Command line: any file -> its content, and on request a mapping to edit."""
 
 from __future__ import annotations
 

@@ -25,13 +25,13 @@ STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
 """Language of the comments and of the report -> the template."""
 COLUMNS = ("subject", "hand", "task", "role", "file")
 MORE_COLUMNS = ("session", "trial", "mapping")
-"""Columns that a drafted sheet has where a recording gives them something to hold."""
+"""Columns that a drafted sheet has where some recording has a value for them."""
 RECORDINGS = {
     ending for form in (*FORMATS.values(), *MAPPED.values()) for ending in form.endings if ending != ".txt"
 }
 """Endings of files that may be recordings; texts beside them are mostly notes."""
 BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
-"""How tables end that stand beside recordings of Motion-BIDS."""
+"""Endings of the tables beside recordings in Motion-BIDS."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -102,7 +102,7 @@ def new_study(arguments: argparse.Namespace) -> None:
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
-    """Draft the sheet of recordings, header first, and the mappings' files; say what is wrong with any."""
+    """Draft the sheet of recordings, header first, and the mappings' files; report unreadable recordings."""
     from shukotsu.study.layout import read_layout
 
     layout = read_layout(arguments.layout)
@@ -185,7 +185,7 @@ _KEYED = re.compile(
 """A word and what it names: sub-03, Session 2, trial01."""
 _DATE = re.compile(r"(?<!\d)(19|20)\d\d[-_.]?\d\d[-_.]?\d\d([T_ -]?\d\d[-_.:h]?\d\d([-_.:m]?\d\d)?)?(?!\d)")
 _APART = re.compile(r"\b(P|S|VP)[- ](?=\d)", re.I)
-"""A subject's name of which the number stands apart: P 01."""
+"""A subject's name with a separate number: P 01."""
 _WITH_HAND = re.compile(r"(\w*\d)([LR])")
 """A subject's name with its hand's letter: P01L."""
 

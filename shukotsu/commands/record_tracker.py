@@ -13,7 +13,7 @@ from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.families import FAMILIES, USUAL
 
 EXIT_CUT_SHORT = 3
-"""The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
+"""The recording ended early: the port went away, or the disk was full. What had arrived is kept."""
 
 
 def build_parser() -> argparse.ArgumentParser:

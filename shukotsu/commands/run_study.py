@@ -1,4 +1,4 @@
-"""Command line: run a study by Snakemake, and say what came of it."""
+"""Command line: run a study by Snakemake, and print its outcome."""
 
 from __future__ import annotations
 

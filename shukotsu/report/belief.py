@@ -212,7 +212,7 @@ _PARTS = {
     "touch": N_("touching a known point with the {bone} fingertip"),
     "": N_("measuring the {bone} with a calliper"),
 }
-"""By the part of a quantity of the table gains, as measurements.tsv has them: what is to be done."""
+"""The action for each part of a quantity in the table gains, named as in measurements.tsv."""
 
 
 def gain_lines(rows: Sequence[GainsRow]) -> list[str]:

@@ -1,4 +1,4 @@
-"""What moves in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
+"""Motion shown in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
 
 Where a joint is says `hand.posing`: a fitted hand moves as its bones were posed with all receivers; every
 other skeleton is carried by them. Still pictures show one frame of the same motion.

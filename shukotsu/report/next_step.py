@@ -84,7 +84,7 @@ def next_step(results: StudyResults) -> str:
 
 
 def _action(row: JointCentresRow, doubts: verdict.Doubts, is_measured: bool) -> str:
-    """Return the remedy for a joint with these doubts; empty where none is known."""
+    """Return the remedy for a joint with these doubts; empty where there is none."""
     for kind, values in doubts.items():
         segments: Any = values.get("segments")
         if kind in _WORN_MORE and segments:

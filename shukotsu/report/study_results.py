@@ -51,7 +51,7 @@ HANDS = ("right", "left")
 
 @dataclass(frozen=True)
 class StudyRows:
-    """Rows of the study's tables that pages read, by the tables' names: by column, null as None.
+    """Rows of the study's tables that pages read, by table; null is None.
 
     Those of tables that are keyed so are of whole skeletons, made without leaving out a task.
     """
@@ -148,7 +148,7 @@ class StudyResults(OfRecordings):
 
     @cached_property
     def findings(self) -> list[ProblemsRow]:
-        """Problems with recordings: what is wrong, lost or left out in them, notes apart."""
+        """Problems of recordings: faults, losses and omissions, without notes."""
         stages = (STAGE, "capture")
         return [
             row

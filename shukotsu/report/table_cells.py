@@ -263,7 +263,7 @@ def title(name: str) -> str:
 
 
 class Link(NamedTuple):
-    """Words and where they lead, relative to the page that they stand on."""
+    """A link's text and target, relative to its page."""
 
     words: str
     href: str

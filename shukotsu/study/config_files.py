@@ -261,7 +261,7 @@ _IN_WORDS = {
 
 
 def _sentence(error: Any) -> str:
-    """Return what an error of jsonschema means, with its key, what is there and what was expected."""
+    """Explain an error of jsonschema: its key, the value there, and what was expected."""
     path, instance, rule, value = error.absolute_path, error.instance, error.validator, error.validator_value
     text = repr(instance) if isinstance(instance, str) else json.dumps(instance, default=str)
     actual = "is empty" if instance is None else f"is {shorten(text, 100)}"

@@ -43,7 +43,7 @@ PROBLEMS: Mapping[str, str | list[str]] = _SENTENCES["problems"]
 def extracted(
     file: BinaryIO, *_: object, **__: object
 ) -> Iterator[tuple[int, str | None, str | list[str], list[str]]]:
-    """Yield what is to be translated of `finding_sentences.yaml`, as Babel asks of an extractor."""
+    """Yield the messages of `finding_sentences.yaml` to translate; an extractor for Babel."""
     content = yaml.load(file, yaml.CBaseLoader)
     texts = [text for mistake in content["mistakes"].values() for text in mistake.values()]
     for text in (*texts, *content["evidence"].values(), content["effect"], *content["problems"].values()):
@@ -87,7 +87,7 @@ class Finding:
         return segment + foreign(str(self.values.get("text", "")))
 
     def with_cure(self, what: str) -> str:
-        """Join what is seen of a mistake and its cure in a sentence; without `what` the cure alone."""
+        """Join the description of a mistake and its cure in a sentence; without `what` the cure alone."""
         cure = self.cure
         text = tr("{what}; {cure}", what=what, cure=cure) if what else cure[0].upper() + cure[1:]
         text = tr("{text}.", text=text)
@@ -97,7 +97,7 @@ class Finding:
 
     @property
     def what(self) -> str:
-        """What is seen of a mistake and what it probably is, as a sentence begins."""
+        """The description of a mistake and its probable cause, with a capital first letter."""
         what = MISTAKES[self.key]["what"]
         text = tr(what, **_placeholders(self.values))
         return text[0].upper() + text[1:]
@@ -127,7 +127,7 @@ class Finding:
 
     @property
     def line(self) -> str:
-        """The finding as a terminal shows it, what is to be written in quotes."""
+        """The finding as one line for a terminal, with text to type in quotes."""
         return f"{self.severity}: {self.kind}: {in_quotes(self.message)}"
 
     @property
@@ -143,7 +143,7 @@ class Finding:
         }
 
     def accept(self, reason: str) -> Finding:
-        """Return the finding as a study that gives a reason has it: a suspect one becomes a note."""
+        """Return the finding as accepted by the study with that reason: a suspect one becomes a note."""
         if not reason or self.severity != SUSPECT:
             return self
         return replace(self, severity=NOTE, accepted=reason)
@@ -235,7 +235,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault. text : what is wrong and what to do, and where it is accepted why."""
+    """A fault. text : what is wrong, what to do, and why it is accepted, if it is."""
 
     severity: str
     accepted: str
@@ -271,7 +271,7 @@ def _fault(rows: list[ProblemsRow]) -> Fault:
 
 
 def in_quotes(text: str) -> str:
-    """Return text for a terminal: what is to be written stands in quotes, not in backticks."""
+    """Return text for a terminal, with quotes instead of backticks."""
     return text.replace("`", '"')
 
 

@@ -125,7 +125,7 @@ OF_A_MODEL = ("subject", "session", "hand", "model")
 
 
 Accepted = Mapping[tuple[str, str], str]
-"""By hand and recording, the reason of a study that lets its suspect findings stand."""
+"""By hand and recording, the study's reason for accepting suspect findings."""
 
 
 def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
@@ -197,7 +197,7 @@ def _joint_problems(joints: pa.Table, _: Accepted) -> list[ProblemsRow]:
 
 
 def _clock_problems(clocks: pa.Table, _: Accepted) -> list[ProblemsRow]:
-    """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
+    """Recordings whose events were not read, or whose clock is uncertain."""
     return [
         _problem_of_hand(row, finding_of_text("events", NOTE, row["message"]), "align_events")
         for row in rows_of(clocks)

@@ -109,7 +109,7 @@ class Simulation:
 
 
 class OfRecordings:
-    """Whose a study's recordings are, everything in the sheet's order."""
+    """Hands, subjects and sessions of recordings, in the sheet's order."""
 
     recordings: tuple[Recording, ...]
 
@@ -125,7 +125,7 @@ class OfRecordings:
 
     @cached_property
     def sessions(self) -> tuple[SubjectSession, ...]:
-        """Every subject in every session of theirs."""
+        """Every session of every subject."""
         return tuple(dict.fromkeys(hand.who for hand in self.hands))
 
 

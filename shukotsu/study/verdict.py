@@ -24,7 +24,7 @@ VERDICTS = (BELIEVE, CARE, NO)
 """From good to bad."""
 
 CARE_TIMES = 3.0
-"""So many times wanted_mm a stated error may be for a centre to be of use: 95 % within 10 mm on a finger."""
+"""Largest useful stated error as a multiple of wanted_mm: 95 % within 10 mm on a finger."""
 
 WIDE_GAP_TIMES, CONTRARY_GAP_TIMES = 2.5, 5.0
 """On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. A gap of so many

@@ -52,7 +52,7 @@ from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import ENGLISH, language, listed, ngettext, punctuated, tr, translated, word
 
 PAGE_MM = 84.0
-"""How wide a page's picture is before the page gives it its width."""
+"""Width of a picture for a page, which scales it."""
 ROW_MM, FOOT_MM = 3.6, 9.0
 """Heights of a row, and of the words below the axes."""
 FEWEST_FOR_QUARTILES = 4
@@ -78,7 +78,7 @@ class Panel:
 
 
 def in_rows(panels: Sequence[Panel], across: int) -> list[Sequence[Panel]]:
-    """Return the panels in rows of so many."""
+    """Return the panels in rows of `across`."""
     return [panels[start : start + across] for start in range(0, len(panels), across)]
 
 
@@ -115,7 +115,7 @@ def print_figure(
 
 
 def page_figure(panel: Panel) -> Figure:
-    """Return one panel for a page, whose own words stand for the heading."""
+    """Return one panel for a page, without its heading, which the page has."""
     figure = _blank(PAGE_MM, panel.height_mm + panel.foot_mm)
     figure.patch.set_visible(False)
     panel.draw(figure.add_subplot())
@@ -301,7 +301,7 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
 
 
 def locator(scale: Scale) -> Locator:
-    """Return what puts ticks at round numbers of the scale."""
+    """Return the locator that puts ticks at round numbers of the scale."""
     if scale.kind == "linear":
         return MaxNLocator(6, steps=[1, 2, 5, 10])
     span = scale.high / scale.low

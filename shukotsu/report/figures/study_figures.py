@@ -316,7 +316,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
 def _draw_trust(
     axes: Axes, joints: Sequence[str], beliefs: Mapping[str, Mapping[Hand, str]], hands: Sequence[Hand]
 ) -> None:
-    """Draw the shares of hands by what to believe of a joint; no bar where the model has no such."""
+    """Draw the shares of hands by verdict on each joint; no bar for joints that the model lacks."""
     row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
     rows = [(y, beliefs[joint]) for y, joint in enumerate(joints) if joint in beliefs]
     foot = np.zeros(len(rows))
