@@ -22,8 +22,8 @@ USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
 SOURCES = ("port", "follow", "replay")
 READ_S, LOST_S, FIRST_S = 0.1, 5.0, 20.0
-"""How often it is looked for what came; after how long it is said that nothing comes, and when first, while
-the tracker is being set up."""
+"""Interval of reading; seconds without data after which a warning is printed, and the longer limit at the
+start, while the tracker is being set up."""
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -203,7 +203,7 @@ class NameParts:
 
 
 def parts_of_names(names: Iterable[Path]) -> list[NameParts]:
-    """Read names of files, whose folders below that of the recordings are parts of them.
+    """Read the parts of file names; folders below that of the recordings count as parts of a name.
 
     Where a hand has a calibration by its name, others are for evaluation; else for both.
     """
@@ -262,7 +262,8 @@ class Drafts:
 def draft_mappings(
     recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None] = lambda _: None
 ) -> Drafts:
-    """Draft a mapping for every recording that needs one; inspected : told how many have been looked at.
+    """Draft a mapping for every recording that needs one; inspected : called with the number of files read so
+    far.
 
     Files are alike where their drafts say the same; what one leaves open may be settled in another.
     """

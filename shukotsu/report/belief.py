@@ -91,7 +91,8 @@ def belief(row: Mapping[str, object]) -> str:
 def reasons_of(row: Mapping[str, Any]) -> list[str]:
     """Return why a row of joint_centres is doubted and what else is known of it, the weightiest first.
 
-    Its 1-sigma error stands beside it in a column of its own, so that joints with one reason share it.
+    The 1-sigma error is not part of the text: it has its own column, so that joints with the same reason
+    share a text.
     """
     doubts, message = verdict.doubts_of(row), translated(row["message"]).rstrip(".。")
     reasons = []

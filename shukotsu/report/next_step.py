@@ -56,7 +56,7 @@ def care_line(results: StudyResults) -> str:
 def next_step(results: StudyResults) -> str:
     """Return the action that would improve the joints most, in words of the hand; empty where none is known.
 
-    Actions are weighed by the millimetres by which joints that they serve miss what is wanted.
+    Actions are weighted by how far, in mm, the joints that they improve exceed the error wanted.
     """
     if results.suspect:
         return tr("Next: put right what was found in the recordings, and run again.")

@@ -70,9 +70,9 @@ _GRAVITY = ("suspect", "refused", "note")
 
 
 def all_problems(results: StudyResults) -> list[ListedFault]:
-    """Return all that is to be settled or did not go as the study asked, the gravest first.
+    """Return all findings to resolve and all requests of the study that failed, the gravest first.
 
-    Recordings that were not used for a reason that no problem tells come last, one item a reason.
+    Recordings that were not used for a reason that is not among the problems come last, one item a reason.
     """
     apart = {id(row) for row in (*results.findings, *results.accepted)}
     others = [row for row in results.rows.problems if id(row) not in apart]

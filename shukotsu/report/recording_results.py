@@ -86,8 +86,8 @@ class RecordingResults:
 def read_recording(results: StudyResults, recording: Recording) -> RecordingResults:
     """Read what belongs to the recording, its motion thinned to MOST_FRAMES.
 
-    A model whose tables are absent, not to be read, empty or the record of a failure is left out with the
-    reason; so is all motion where the poses are.
+    A model whose tables are absent, unreadable, empty or failed is left out with the reason; likewise all
+    motion if the poses are.
     """
     row = results.recording_row_of.get(recording_key(recording), {"status": "missing", "message": ""})
     models: dict[str, ModelResults] = {}

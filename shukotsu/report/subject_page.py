@@ -53,8 +53,8 @@ from shukotsu.translation import tr, translated
 def render_subject(results: StudyResults) -> str:
     """Return the page of the one subject that `results` is of; the same results give the same text.
 
-    Its only link to other subjects is that to the study's page: were they named here, one subject more
-    would make the others' pages anew.
+    Its only link to other subjects is that to the study's page: if they were named here, adding a subject
+    would change the others' pages.
     """
     (who,) = results.sessions
     hands, page = results.hands_of(*who), results.paths.subject_page(*who)

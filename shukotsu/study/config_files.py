@@ -160,9 +160,9 @@ def _check_nesting(text: str) -> None:
 
 
 def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
-    """Return the number of values in a node, an alias counted as what it stands for.
+    """Return the number of values in a node, with aliases expanded.
 
-    Raises YAMLError where they are too many, or where an alias stands for what holds it.
+    Raises YAMLError where they are too many, or where an alias contains itself.
     """
     if id(node) in counted:
         return counted[id(node)]

@@ -1,7 +1,7 @@
 """Findings: contradictions between a recording's declared properties and its poses; sentences are made on
 display.
 
-What kinds mean stands in `mistakes.yaml`, sentences by kind and variant in `finding_sentences.yaml`.
+Kinds are explained in `mistakes.yaml`; sentences by kind and variant are in `finding_sentences.yaml`.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ class Finding:
 
     @property
     def message(self) -> str:
-        """The sentence: of a mistake what is seen, what shows it, what to do and why it may stand; another's
-        by its kind, or the text in its values.
+        """The sentence: of a mistake its description, evidence, cure and the reason to accept it; of others
+        by kind, or the text in its values.
         """
         if self.key in MISTAKES:
             return self.with_cure(f"{self.what} ({self.evidence})" if self.evidence else self.what)

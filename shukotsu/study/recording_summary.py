@@ -65,7 +65,7 @@ class SubjectTables:
 
 
 def subject_tables(plan: SubjectPlan) -> SubjectTables:
-    """Read what a study gathers of one subject, and name what is wrong; TableError where a table is damaged.
+    """Read one subject's part of the study's tables, and its problems; TableError where a table is damaged.
 
     A recording that a finding refuses is not called used.
     """

@@ -309,8 +309,8 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
 
 
 def unmatched_rows(study: Study) -> list[str]:
-    """Return, a sentence each, which rows of measurements and touches are of no hand of the study,
-    and whose names the sheet of participants and that of recordings write otherwise.
+    """Return a sentence for each row of measurements and touches that matches no hand of the study, and for
+    names that differ between the sheets of participants and recordings.
     """
     problems = [
         f"{study.sheets[name].name}: row {row.line}, {reason}; the row was not applied"

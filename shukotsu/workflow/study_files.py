@@ -52,7 +52,7 @@ class StudyFiles:
 
     options : say which study a job is of. subjects : plans of every subject in every session, in the sheet's
     order. simulated, streamed, simulated_truth : a simulated recording, as its tracker's raw capture, and its
-    truth tables, with wildcards; paths that nothing asks for where none is. kept : what Snakemake noted of
+    truth tables, with wildcards; unused paths where no recording is simulated. kept : what Snakemake noted of
     the results. whole_tables : study_tables, model_comparisons, movement_comparisons. figures : for print,
     and their captions. exports : the folder of everything that is exported, none where nothing is.
     export_formats : of each recording; the dataset of all is a job of its own. export_folders : of each

@@ -93,7 +93,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
 
 async def _take_any_time(*_: object) -> None:
     """Take the place of Snakemake's test after a job, which has no option: it fails where an input's time is
-    later than an output's, as that of a tracker whose clock is ahead. Content says what is out of date.
+    later than an output's, as that of a tracker whose clock is ahead. What is out of date is decided by
+    content.
     """
 
 
