@@ -27,7 +27,7 @@ from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.study.findings import NOTE, in_quotes
 from shukotsu.study.layout import Layout
-from shukotsu.study.model import HandFitting, SkeletonModel
+from shukotsu.study.model import SkeletonModel
 from shukotsu.study.verdict import BELIEVE, judged_joint
 from shukotsu.tables.poses import Poses
 
@@ -84,18 +84,17 @@ MOVEMENTS = {movement.name: movement for movement in _ALL}
 
 @dataclass(frozen=True)
 class CoachedHand:
-    """Whose hand is calibrated, and what the study knows of it. whose : its cells in a sheet, empty without a
-    study. layout : of this hand. fitting : of the model. wanted_mm : the requested 1-sigma error.
+    """A hand to calibrate, and what the study knows of it.
+
+    layout : of this hand, with the requested error. model : one that fits the whole hand. whose : its cells
+    in a sheet, empty without a study. sizes_mm : by SIZES, as far as they are measured.
     """
 
     hand: str
     layout: Layout
     model: SkeletonModel
-    fitting: HandFitting
-    wanted_mm: float
-    whose: Mapping[str, str]
-    hand_length_mm: float | None = None
-    hand_breadth_mm: float | None = None
+    whose: Mapping[str, str] = field(default_factory=dict)
+    sizes_mm: Mapping[str, float | None] = field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
 
 
@@ -121,21 +120,22 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
         raise InputError(
             f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
         )
+    fitting = whose.model.fitting
+    assert fitting is not None
     try:
         fit = fit_hand(
             [poses],
             whose.layout,
             whose.hand,
-            hand_length_mm=whose.hand_length_mm,
-            hand_breadth_mm=whose.hand_breadth_mm,
+            **whose.sizes_mm,
             measurements=whose.measurements,
-            settings=FitSettings(min(MOST_FITTED, whose.fitting.frames), whose.fitting.steps),
+            settings=FitSettings(min(MOST_FITTED, fitting.frames), fitting.steps),
         )
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
     rows = {
-        row["joint"]: judged_joint(row, whose.wanted_mm)
+        row["joint"]: judged_joint(row, whose.layout.wanted_mm)
         for row in joint_rows(fit)
         if row["joint"] in fit.joints
     }
@@ -301,11 +301,11 @@ class Coach:
         self.findings += [f"Nothing comes from the receiver on {name}: is it connected?" for name in silent]
         if self.findings:
             self.phase, self.calibration.request = CHECKING, None
-            self.advice = "Put it right; the calibration begins anew as soon as nothing is wrong."
+            self.advice = "Correct this; the calibration restarts as soon as nothing is wrong."
             for finding in self.findings:
                 self._say(finding)
         elif before:
-            self._say("Put right. The calibration begins anew; what was recorded before is not used.")
+            self._say("Corrected. The calibration restarts; what was recorded before is not used.")
             self.restarts += 1
             self.calibration, self.advice = Calibration(began_s=self.time_s), ""
             self._check_s = self.time_s + CHECKED_S
@@ -329,7 +329,7 @@ class Coach:
             worst = max(still_open, key=lambda joint: float(rows[joint]["sd_mm"]))
             self._say(
                 f"{len(rows) - len(still_open)} of {count_of(len(rows), 'joint')} good enough; the least "
-                f"sure is {worst} at {rows[worst]['sd_mm']:.2f} mm"
+                f"certain is {worst} at {rows[worst]['sd_mm']:.2f} mm"
             )
 
     def _advise(self, current: Estimate) -> None:
@@ -339,7 +339,7 @@ class Coach:
         now, before = self.calibration, self.phase
         if before == ENOUGH:
             worst_mm = max((_sd_mm(current, joint) for joint in self._useful(current)), default=0.0)
-            if worst_mm <= AGAIN * self.hand.wanted_mm:
+            if worst_mm <= AGAIN * self.hand.layout.wanted_mm:
                 return
             self.phase = CALIBRATING
         if now.request is not None:
@@ -348,7 +348,9 @@ class Coach:
             for joint in now.request.movement.range_deg.keys() & now.request.sd_mm.keys():
                 now.vain[joint] += _sd_mm(current, joint) > (1 - WORTH) * now.request.sd_mm[joint]
             now.done.add(now.request.movement.name)
-        weight = {joint: _sd_mm(current, joint) - self.hand.wanted_mm for joint in self._useful(current)}
+        weight = {
+            joint: _sd_mm(current, joint) - self.hand.layout.wanted_mm for joint in self._useful(current)
+        }
         rates = {
             name: sum(weight.get(joint, 0.0) for joint in movement.range_deg) / (movement.seconds + LISTEN_S)
             for name, movement in MOVEMENTS.items()

@@ -45,7 +45,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
         advice=coach.advice or coach.summary(),
         hand=_draw_hand(coach, rows),
         rows=[(r["joint"], f"{r['sd_mm']:.2f}", belief(r), first_reason(r)) for r in rows.values()],
-        wanted_mm=coach.hand.wanted_mm,
+        wanted_mm=coach.hand.layout.wanted_mm,
         log=coach.log[: -MOST_LINES - 1 : -1],
     )
     write_text(path, text)

@@ -33,7 +33,8 @@ def calibration(frames: int = 7 * RATE_HZ) -> Poses:
 
 
 def a_coach(wanted_mm: float = 2.0) -> Coach:
-    return Coach(replace(hand_alone(None, "right"), wanted_mm=wanted_mm))
+    hand = hand_alone(None, "right")
+    return Coach(replace(hand, layout=replace(hand.layout, wanted_mm=wanted_mm)))
 
 
 def coached(coach: Coach, poses: Poses) -> list[str]:
@@ -51,7 +52,7 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     lines = [*coached(coach, calibration(5 * RATE_HZ)), *coach.end()]
     assert f">> {MOVEMENTS[FIRST].sentence}" in lines[0]
     assert "Nothing is wrong in these 4 s" in lines[1]
-    assert "joints good enough; the least sure is thumb_cmc" in lines[2]
+    assert "joints good enough; the least certain is thumb_cmc" in lines[2]
     assert coach.phase == ENDED
     joints = [line for line in lines if line[:1] != " "]
     assert len(joints) == 15
@@ -79,7 +80,7 @@ def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None
     assert coach.calibration.estimate is None
     lines = coached(coach, concatenate_poses([from_frame(poses, 1200), from_frame(poses, 2400)]))
     assert coach.restarts == 1
-    assert any("Put right" in line for line in lines)
+    assert any("Corrected." in line for line in lines)
     assert coach.findings == []
     assert "joints good enough after" in coach.end()[-16]
 

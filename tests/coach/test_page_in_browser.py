@@ -32,7 +32,7 @@ def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     assert watched_page.value("document.querySelector('meta[http-equiv=refresh]')") is None
     assert watched_page.value("document.querySelectorAll('svg path').length") > 20
     cells = watched_page.value("[...document.querySelectorAll('tbody tr')].map(row => row.innerText)")
-    assert any("thumb_cmc" in row and "with care" in row and "known less well" in row for row in cells)
+    assert any("thumb_cmc" in row and "with care" in row and "its error exceeds" in row for row in cells)
     assert coach.summary() in watched_page.value("document.body.innerText")
     assert watched_page.value("document.documentElement.scrollWidth <= innerWidth")
     assert list(tmp_path.iterdir()) == [path]
