@@ -66,8 +66,8 @@ _DOUBT_TEXTS: Mapping[str, str] = {
     verdict.ONE_RECEIVER: N_("no receiver on {segments}: estimated from bone lengths"),
     verdict.UNSETTLED: N_("the fit of the hand did not converge"),
     verdict.ACROSS: N_(
-        "seen from {receiver} across {segment}, which moves and carries no receiver, so the data do not show "
-        "its error"
+        "seen from {receiver} across {segment}, which moves and carries no receiver, so its displacement "
+        "does not show in the data"
     ),
     verdict.AXIS_IN_PLANE: N_(
         "its axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "

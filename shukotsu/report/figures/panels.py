@@ -223,34 +223,28 @@ class PanelRow:
     mean: float | None = None
     interval: tuple[float, float] | None = None
 
-    def middle(self) -> float | None:
-        """The mean, or else the median; None without a number."""
-        if self.mean is None and self.numbers:
-            return float(np.quantile([*self.numbers.values()], 0.5))
-        return self.mean
-
     def values(self) -> list[float]:
         """Everything of the row that its scale must hold."""
         return [*self.numbers.values(), *([] if self.mean is None else [self.mean]), *(self.interval or ())]
 
 
-def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int = 0) -> None:
+def draw_rows(
+    axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int = 0, decimals: int = 1
+) -> None:
     """Draw named rows, the first on top: a dot a number, each name's as far aside in every row.
 
     of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
-    mean or median, else all with the same decimals.
+    mean or median. decimals : of these, the same in every row, as tables have them.
     """
     row_axes(axes, [word(row.name) for row in rows], axis, scale, top=bool(of_all))
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     aside_of = dict(zip(names, scatter_steps(len(names)), strict=True))
     size = 3.4 if len(names) <= 12 else 2.6 if len(names) <= 40 else 1.8
-    middles = [row.middle() for row in rows]
-    decimals = 1 if max((abs(each) for each in middles if each is not None), default=0.0) >= 10.0 else 2
-    for y, (row, middle) in enumerate(zip(rows, middles, strict=True)):
+    for y, row in enumerate(rows):
         values = np.array(list(row.numbers.values()))
-        bar, colour = row.interval, INK
-        if row.mean is None and len(values):
-            low, high = np.quantile(values, [0.25, 0.75]).tolist()
+        middle, bar, colour = row.mean, row.interval, INK
+        if middle is None and len(values):
+            low, middle, high = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
             bar, colour = ((low, high) if len(values) >= FEWEST_FOR_QUARTILES else None), row.look.colour
         if len(values):  # far below the foot of a logarithmic scale matplotlib leaves dots out
             x = np.maximum(values, scale.low) if scale.kind == "log" else values

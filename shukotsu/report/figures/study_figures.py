@@ -71,7 +71,7 @@ from shukotsu.report.palette import (
 )
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
-from shukotsu.report.table_cells import alike, capital, heading
+from shukotsu.report.table_cells import QUANTITIES, alike, capital, heading
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Study
@@ -134,15 +134,17 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
             kind = ngettext(
                 "n = {n_of} subject, in-sample", "n = {n_of} subjects, in-sample", most, n_of=shown_n
             )
-        draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
+        decimals = QUANTITIES[each.metric].decimals
+        drawn = partial(_draw_models, rows=rows, axis=axis, scale=scale, decimals=decimals)
+        draw = partial(drawn, of_all=len(results.subjects))
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
 
 
-def _draw_models(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int) -> None:
-    """Draw rows of dots, and a line through the dots of every subject."""
-    draw_rows(axes, rows, axis, scale, of_all)
+def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any) -> None:
+    """Draw rows of dots, and a line through the dots of every subject; more : as of draw_rows."""
+    draw_rows(axes, rows, scale=scale, **more)
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
     y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scatter_steps(len(names))]
