@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -20,11 +19,6 @@ from shukotsu.study import results
 from shukotsu.study.config_files import (
     CONFIG_FOLDER,
     REFERENCE,
-    as_yaml_1_1,
-    check_config,
-    read_config,
-    read_yaml,
-    yaml_text,
 )
 from shukotsu.study.plan_file import (
     StudyPlans,
@@ -36,12 +30,8 @@ from shukotsu.study.plan_file import (
 )
 from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
-from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import FileDigests
 from shukotsu.workflow.former_results import remove_former_results
-
-DEMO = Path("config", "demo.yaml")
-"""Study of a run that names none."""
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
@@ -399,31 +389,6 @@ class StudyFiles:
         files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
         files += [*self.tables, *self.subject_pages]
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
-
-
-def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:
-    """The file that describes the study: Snakemake's --configfile, or the demo's in this folder.
-
-    is_module : of a module of another workflow, whose keys are a study: that of one of the files, or written
-    to a file of this folder. Raises InputError where there are several files, or where --config would change
-    what the file says, which the stages read.
-    """
-    if is_module:
-        for path in map(Path, files):
-            if read_yaml(path, "study") == config:
-                return path
-        content = json.loads(json.dumps(config))  # plain mappings and lists
-        check_config(content, "study", "config")
-        path = Path(f"{path_token(content['study'])}.module.yaml")
-        if not path.is_file() or read_yaml(path, "study") != content:
-            write_text(path, yaml_text(content))
-        return path
-    if len(files) > 1:
-        raise InputError("--configfile: names several files; a run is of one study")
-    path = Path(files[0]) if files else DEMO
-    if config and dict(config) not in (read_config(path, "study", with_defaults=False), as_yaml_1_1(path)):
-        raise InputError(f"--config: a study is described by its file alone; write it into {path}")
-    return path
 
 
 def import_options(recording: Recording) -> list[str]:

@@ -21,7 +21,8 @@ from shukotsu.resources import PACKAGE, ROOT
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow import made_from, one_run, progress, warm_process
 from shukotsu.workflow.file_digests import program_digest
-from shukotsu.workflow.study_files import StudyFiles, study_file
+from shukotsu.workflow.study_file import study_file
+from shukotsu.workflow.study_files import StudyFiles
 
 CAPTIONS = PACKAGE / "report" / "captions"
 """Folder of the captions of `snakemake --report`."""
