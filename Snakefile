@@ -223,8 +223,7 @@ rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the 
 
 rule gather:  # the study's short tables, and what went wrong
     input:
-        study.gathered,
-        poses=study.all_poses,
+        study.tables,
         plans=ancient(study.plans),
         configuration=ancient(study.configuration),
     output:

@@ -17,8 +17,7 @@ from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
-from shukotsu.study.config_files import json_schema, shipped_names
-from shukotsu.study.findings import kinds
+from shukotsu.study.config_files import json_schema, read_yaml, shipped_names
 from shukotsu.study.sheets import SHEETS
 from shukotsu.tables.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
 from shukotsu.tables.text_files import replaced_between
@@ -162,14 +161,14 @@ def mistakes_page() -> str:
         "hand, turned receivers and small errors of the unit are not named.",
         "",
     ]
-    for name, kind in kinds().items():
+    for name, kind in read_yaml(DOCS.parent / "schemas" / "mistakes.yaml", "mistakes").items():
         lines += [
             f"## {name}",
             "",
-            kind.meaning,
+            kind["meaning"],
             "",
-            f"- **Usual cause**: {kind.cause}",
-            f"- **Cure**: {kind.cure}",
+            f"- **Usual cause**: {kind['cause']}",
+            f"- **Cure**: {kind['cure']}",
             "",
         ]
     return "\n".join(lines[:-1]) + "\n"

@@ -73,7 +73,15 @@ def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequ
         help_text = (
             f"the {tables} table to write" if isinstance(tables, str) else f"folder for {', '.join(tables)}"
         )
-        parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True, help=help_text)
+        parser.add_argument(option_of(name), type=Path, required=True, help=help_text)
+
+
+def study_parser(stage: str, description: str) -> argparse.ArgumentParser:
+    """Return the parser of a stage that works on a whole study and writes into its results folder."""
+    example = f"shukotsu stage {stage} --study config/demo.yaml --results results/demo"
+    built = parser(f"shukotsu stage {stage}", description, example, records_failure=False)
+    add_study_options(built)
+    return built
 
 
 def add_study_options(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +89,11 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
     results = "the study's results folder"
     parser.add_argument("--results", type=Path, required=True, metavar="FOLDER", help=results)
+
+
+def option_of(name: str) -> str:
+    """Return the option of an argument, or of a table, of that name."""
+    return f"--{name.replace('_', '-')}"
 
 
 def _path(text: str) -> Path:
@@ -126,7 +139,7 @@ def script(
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> Callable[..., int]:
-    """Return a stage's `main`, which takes the arguments and returns the exit code; see `run`."""
+    """Return a stage's or command's `main`, which takes arguments and returns the exit code; see `run`."""
     return lambda argv=None: run(build_parser, argv, work, record_failure, record_bug)
 
 
@@ -198,7 +211,7 @@ def _nowhere() -> TextIO:
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
     """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no path."""
     for name, value in vars(arguments).items():
-        option = f"--{name.replace('_', '-')}"
+        option = option_of(name)
         for each in value if isinstance(value, list | tuple) else [value]:
             text = str(each)
             if name in ("subject", "task") and not text.strip():
@@ -223,7 +236,7 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
     for at, (name, path) in enumerate(named):
         if not name.startswith("out"):
             continue
-        option = f"--{name.replace('_', '-')}"
+        option = option_of(name)
         for other, read in named:
             if not other.startswith("out") and _same_file(path, read):
                 raise InputError(

@@ -65,7 +65,7 @@ def recordings_of(
     """Return the recordings that hold poses, by the part of the hand, and the plan where one is named."""
     from shukotsu.errors import InputError
     from shukotsu.movement.recording_events import of_plan, recording_alone
-    from shukotsu.study.plan import read_plan
+    from shukotsu.study.plan_file import read_plan
 
     if arguments.plan is not None:
         plan = read_plan(arguments.plan).naming(arguments.poses, {})

@@ -26,20 +26,16 @@ def build_parser() -> argparse.ArgumentParser:
 def check(arguments: argparse.Namespace) -> None:
     """Check every recording of the subject that holds poses; print the findings and, if asked, write them."""
     from shukotsu.checks.checked_subject import check_subject
-    from shukotsu.study.findings import in_quotes
     from shukotsu.tables.catalogue import FINDINGS
     from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
     plan = subject_stage.plan_of(arguments)
     checked = check_subject(plan, arguments)
-    rows = [
-        {**recording.key, **finding.accept(recording.accept).columns}
-        for recording, of_recording in checked
-        for finding in of_recording.findings
-    ]
-    for row in rows:
-        name = " ".join(filter(None, (row["hand"], row["task"], row["trial"])))
-        print(f"{name}: {row['severity']}: {row['kind']}: {in_quotes(row['message'])}")
+    rows = []
+    for recording, of_recording in checked:
+        for finding in (each.accept(recording.accept) for each in of_recording.findings):
+            rows.append({**recording.key, **finding.columns})
+            print(f"{' '.join(filter(None, recording.key_in_session))}: {finding.line}")
     if not rows:
         print("no finding")
     if arguments.out is not None:

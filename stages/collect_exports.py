@@ -35,7 +35,7 @@ def collect(arguments: argparse.Namespace) -> None:
 
 
 def link_or_copy(source: Path, target: Path) -> None:
-    """Make `target` a hard link to the file, or a copy where the file system has no such links."""
+    """Make `target` a hard link to the file, or a copy where the file system has no hard links."""
     with replacing(target) as temporary:
         try:
             os.link(source, temporary)

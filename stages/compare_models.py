@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 
 from shukotsu import command_line, job
 
-
-def build_parser() -> argparse.ArgumentParser:
-    """Return the stage's argument parser."""
-    parser = command_line.parser(
-        "shukotsu stage compare_models",
-        "Compare a study's skeleton models over its subjects: every subject's number under each model, and "
-        "what the differences say of two models.",
-        "shukotsu stage compare_models --study config/demo.yaml --results results/demo",
-        records_failure=False,
-    )
-    command_line.add_study_options(parser)
-    return parser
+build_parser = partial(
+    command_line.study_parser,
+    "compare_models",
+    "Compare a study's skeleton models over its subjects: every subject's number under each model, and "
+    "what the differences say of two models.",
+)
 
 
 def compare(arguments: argparse.Namespace) -> None:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 
 from shukotsu import command_line, job
 
-
-def build_parser() -> argparse.ArgumentParser:
-    """Return the stage's argument parser."""
-    parser = command_line.parser(
-        "shukotsu stage compare_movement",
-        "Compare the movement of a study's subjects over its factors, and say how well it repeats.",
-        "shukotsu stage compare_movement --study config/demo.yaml --results results/demo",
-        records_failure=False,
-    )
-    command_line.add_study_options(parser)
-    return parser
+build_parser = partial(
+    command_line.study_parser,
+    "compare_movement",
+    "Compare the movement of a study's subjects over its factors, and say how well it repeats.",
+)
 
 
 def compare(arguments: argparse.Namespace) -> None:

@@ -36,7 +36,7 @@ def export(arguments: argparse.Namespace) -> None:
     """Export from the tables of one subject that are named, or from those beside each plan."""
     from shukotsu.errors import InputError
     from shukotsu.export.exported_plans import export_plans
-    from shukotsu.study.plan import plan_of_results
+    from shukotsu.study.plan_file import plan_of_results
 
     paths = arguments.plan
     if not any(vars(arguments)[name] for name in (*arguments.tables, "evaluated")):

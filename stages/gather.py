@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 
 from shukotsu import command_line, job
 
-
-def build_parser() -> argparse.ArgumentParser:
-    """Return the stage's argument parser."""
-    parser = command_line.parser(
-        "shukotsu stage gather",
-        "Put the tables of every hand and model of a study together, and list what went wrong.",
-        "shukotsu stage gather --study config/demo.yaml --results results/demo",
-        records_failure=False,
-    )
-    command_line.add_study_options(parser)
-    return parser
+build_parser = partial(
+    command_line.study_parser,
+    "gather",
+    "Put the tables of every hand and model of a study together, and list what went wrong.",
+)
 
 
 def gather(arguments: argparse.Namespace) -> None:

@@ -27,7 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def write_plan(arguments: argparse.Namespace) -> None:
     """Read the study, write the subject's plan."""
-    from shukotsu.study.plan import StudyPlans, plan_text
+    from shukotsu.study.plan_file import StudyPlans, plan_text
     from shukotsu.study.study import read_study
     from shukotsu.tables.whole_files import write_text
 

@@ -26,12 +26,6 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="CODE",
         help="the pages' language, as in the study file (default: en)",
     )
-    parser.add_argument(
-        "--recording",
-        nargs=2,
-        metavar=("HAND", "NAME"),
-        help="write the page of this recording alone, e.g. right opposition (with a trial: opposition_2)",
-    )
     return parser
 
 

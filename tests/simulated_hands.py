@@ -23,7 +23,8 @@ from shukotsu.readers.samples import NUMBERS
 from shukotsu.simulate.random_hand import BONES, DIGITS
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.simulate.written_truth import write_truth
-from shukotsu.study.plan import SubjectPlan, plan_of_results
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
 from shukotsu.tables.parts import part_metadata, parts_writer, read_part
@@ -67,7 +68,7 @@ class SimulatedHand:
     def path(self, model: str, table: Table) -> Path:
         """A table's file."""
         if table in (BONE_POSES, POSED_TIPS):
-            return self.plan.fit_table(self.simulated.hand, model, table.name)
+            return self.plan.table(table.name, self.simulated.hand, model)
         return self.plan.table(table.name)
 
     def rows(self, model: str, table: Table) -> Rows:

@@ -8,9 +8,10 @@ from functools import cache, partial
 from pathlib import Path
 
 from shukotsu import command_line
+from shukotsu.command_line import option_of
 from shukotsu.commands.run_stage import STAGES
 from shukotsu.study.config_files import REFERENCE
-from shukotsu.study.plan import option_of, read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.results import FIT_TABLES
 
 WRITES = {

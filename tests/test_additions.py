@@ -46,8 +46,8 @@ def add_column(program: Path) -> None:
         file.write("  n_words:\n    type: int64\n    unit: words\n    meaning: how long the message is\n")
     edit(
         program / "stages" / "check_recordings.py",
-        "**finding.accept(recording.accept).columns}",
-        '**finding.accept(recording.accept).columns, "n_words": len(finding.message.split())}',
+        "**finding.columns})",
+        '**finding.columns, "n_words": len(finding.message.split())})',
     )
 
 

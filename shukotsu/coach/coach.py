@@ -27,7 +27,7 @@ from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.study.findings import NOTE, in_quotes
 from shukotsu.study.layout import Layout
-from shukotsu.study.model import HandFitting, SkeletonModel
+from shukotsu.study.model import SkeletonModel
 from shukotsu.study.verdict import BELIEVE, judged_joint
 from shukotsu.tables.poses import Poses
 
@@ -84,18 +84,17 @@ MOVEMENTS = {movement.name: movement for movement in _ALL}
 
 @dataclass(frozen=True)
 class CoachedHand:
-    """Whose hand is calibrated, and what the study knows of it. whose : its cells in a sheet, empty without a
-    study. layout : of this hand. fitting : of the model. wanted_mm : the requested 1-sigma error.
+    """A hand to calibrate, and what the study knows of it.
+
+    layout : of this hand, with the requested error. model : one that fits the whole hand. whose : its cells
+    in a sheet, empty without a study. sizes_mm : by SIZES, as far as they are measured.
     """
 
     hand: str
     layout: Layout
     model: SkeletonModel
-    fitting: HandFitting
-    wanted_mm: float
-    whose: Mapping[str, str]
-    hand_length_mm: float | None = None
-    hand_breadth_mm: float | None = None
+    whose: Mapping[str, str] = field(default_factory=dict)
+    sizes_mm: Mapping[str, float | None] = field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
 
 
@@ -121,21 +120,22 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
         raise InputError(
             f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
         )
+    fitting = whose.model.fitting
+    assert fitting is not None
     try:
         fit = fit_hand(
             [poses],
             whose.layout,
             whose.hand,
-            hand_length_mm=whose.hand_length_mm,
-            hand_breadth_mm=whose.hand_breadth_mm,
+            **whose.sizes_mm,
             measurements=whose.measurements,
-            settings=FitSettings(min(MOST_FITTED, whose.fitting.frames), whose.fitting.steps),
+            settings=FitSettings(min(MOST_FITTED, fitting.frames), fitting.steps),
         )
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
     rows = {
-        row["joint"]: judged_joint(row, whose.wanted_mm)
+        row["joint"]: judged_joint(row, whose.layout.wanted_mm)
         for row in joint_rows(fit)
         if row["joint"] in fit.joints
     }
@@ -170,6 +170,24 @@ class Request:
 
 
 @dataclass
+class Calibration:
+    """What is known since the recording began, or since a fault was corrected in it.
+
+    kept : frames to estimate from; newest : the last ones, to check. loose : a sentence for each receiver
+    that came loose. vain : how often a movement did not improve a joint. done : movements that were tried.
+    """
+
+    began_s: float = 0.0
+    kept: EvenFrames = field(default_factory=EvenFrames)
+    newest: Poses | None = None
+    estimate: Estimate | None = None
+    request: Request | None = None
+    loose: dict[str, str] = field(default_factory=dict)
+    vain: Counter[str] = field(default_factory=Counter)
+    done: set[str] = field(default_factory=set)
+
+
+@dataclass
 class Coach:
     """One hand's calibration. restarts : how often a fault was corrected during it; advice : the current
     instruction; log : every line with its time.
@@ -177,21 +195,14 @@ class Coach:
 
     hand: CoachedHand
     phase: str = CHECKING
-    estimate: Estimate | None = None
-    request: Request | None = None
     advice: str = ""
     findings: list[str] = field(default_factory=list)
-    loose: dict[str, str] = field(default_factory=dict)
     log: list[tuple[float, str]] = field(default_factory=list)
-    newest: Poses | None = None
     restarts: int = 0
     time_s: float = 0.0
     frames: int = 0
-    _kept: EvenFrames = field(default_factory=EvenFrames)
+    calibration: Calibration = field(default_factory=Calibration)
     _silent: tuple[tuple[str, ...], ...] = ()
-    _vain: Counter[str] = field(default_factory=Counter)
-    _done: set[str] = field(default_factory=set)
-    _began_s: float = 0.0
     _next_s: float = STEP_S
     _check_s: float = CHECKED_S
     _loose_s: float = LOOSE_S
@@ -204,7 +215,7 @@ class Coach:
         while len(poses.frame):
             if poses.time_s[0] >= self._next_s:
                 late = may_leave_out and poses.time_s[-1] - self._next_s > LATE_S
-                if self.newest is not None:
+                if self.calibration.newest is not None:
                     self._step(self._next_s, late=late)
                 self._next_s = float((poses.time_s[0] // STEP_S + 1) * STEP_S)
             rows = int(np.searchsorted(poses.time_s, self._next_s))
@@ -215,43 +226,45 @@ class Coach:
     def end(self) -> list[str]:
         """Estimate once more, from all frames; return the result of the calibration as lines."""
         logged = len(self.log)
-        if self.phase == CHECKING and self.newest is not None:
+        if self.phase == CHECKING and self.calibration.newest is not None:
             self._check()
         self._estimate()
-        self.phase, self.request, self.advice = ENDED, None, ""
+        self.phase, self.calibration.request, self.advice = ENDED, None, ""
         self._say(self.summary())
-        return self._lines(logged) + joint_lines(self.estimate)
+        return self._lines(logged) + joint_lines(self.calibration.estimate)
 
     def summary(self) -> str:
         """Summarise the calibration and what would improve it."""
         if self.findings:
             return f"Not calibrated: {self.findings[0]}"
-        if self.estimate is None:
+        if self.calibration.estimate is None:
             return f"Not calibrated: {count_of(self.frames, 'frame', 'show')} no hand yet."
-        left, seconds = self.estimate.open_joints, self.time_s - self._began_s
-        n_joints = len(self.estimate.rows)
+        left, seconds = self.calibration.estimate.open_joints, self.time_s - self.calibration.began_s
+        n_joints = len(self.calibration.estimate.rows)
         text = f"{n_joints - len(left)} of {count_of(n_joints, 'joint')} good enough after {seconds:.0f} s"
         if not left:
             return f"{text}."
-        rows = [self.estimate.rows[joint] for joint in left]
+        rows = [self.calibration.estimate.rows[joint] for joint in left]
         text += "; left are " + ", ".join(f"{row['joint']} at {row['sd_mm']:.2f} mm" for row in rows)
         return " ".join([f"{text}.", *(f"What would help: {line}" for line in self.gains()[:1])])
 
     def gains(self) -> list[str]:
         """Return the gains of further measurements, the best first, in the report's words."""
-        return [] if self.estimate is None else gain_lines(gains(self.estimate.tips))
+        return [] if self.calibration.estimate is None else gain_lines(gains(self.calibration.estimate.tips))
 
     def _add(self, poses: Poses) -> None:
+        now = self.calibration
         self.time_s = float(poses.time_s[0])
-        if self.request is None and self.estimate is None and not self.findings:
+        if now.request is None and now.estimate is None and not self.findings:
             self._ask(MOVEMENTS[FIRST])
-        self._kept.add(poses)
+        now.kept.add(poses)
         self.frames += len(poses.frame)
         self.time_s = float(poses.time_s[-1])
-        newest = poses if self.newest is None else concatenate_poses([self.newest, poses])
-        self.newest = newest.take(slice(int(np.searchsorted(newest.time_s, self.time_s - CHECKED_S)), None))
+        newest = poses if now.newest is None else concatenate_poses([now.newest, poses])
+        now.newest = newest.take(slice(int(np.searchsorted(newest.time_s, self.time_s - CHECKED_S)), None))
 
     def _step(self, time_s: float, *, late: bool) -> None:
+        now = self.calibration
         self.time_s = time_s
         if time_s >= self._check_s:
             self._check_s = time_s + CHECKED_S / (2 if self.findings else 1)
@@ -259,24 +272,24 @@ class Coach:
         if late or self.findings or self.phase == CHECKING:
             return
         self._estimate()
-        if self.estimate is not None:
-            self._advise(self.estimate)
+        if now.estimate is not None:
+            self._advise(now.estimate)
             if time_s >= self._loose_s:
                 self._loose_s = time_s + LOOSE_S
-                before = self.loose
-                self.loose = {
+                before = now.loose
+                now.loose = {
                     moved.segment: f"The receiver on {moved.segment} moved by {moved.shift_mm:.1f} mm "
                     f"and {moved.turn_deg:.0f} deg at {moved.start.time_s:.0f} s: tape it anew, end and "
                     "start again."
-                    for moved in displaced_in(self.estimate.tips.fit, [self._kept.poses()]).loose
+                    for moved in displaced_in(now.estimate.tips.fit, [now.kept.poses()]).loose
                 }
-                for segment in self.loose.keys() - before.keys():
-                    self._say(self.loose[segment])
+                for segment in now.loose.keys() - before.keys():
+                    self._say(now.loose[segment])
 
     def _check(self) -> None:
         """Check the newest frames as a recording is checked; a finding suspends requests."""
-        assert self.newest is not None
-        poses, layout, before = self.newest, self.hand.layout, self._silent
+        assert self.calibration.newest is not None
+        poses, layout, before = self.calibration.newest, self.hand.layout, self._silent
         checked = check_recording(poses, layout, self.hand.hand, Declared(kind="device"))
         wrong = [each for each in checked.findings if each.severity != NOTE and each.kind != "too-short"]
         seen = np.asarray(poses.valid.any(0))
@@ -287,73 +300,73 @@ class Coach:
         self.findings = [str(in_quotes(each.message)) for each in wrong]
         self.findings += [f"Nothing comes from the receiver on {name}: is it connected?" for name in silent]
         if self.findings:
-            self.phase, self.request = CHECKING, None
-            self.advice = "Put it right; the calibration begins anew as soon as nothing is wrong."
+            self.phase, self.calibration.request = CHECKING, None
+            self.advice = "Correct this; the calibration restarts as soon as nothing is wrong."
             for finding in self.findings:
                 self._say(finding)
         elif before:
-            self._say("Put right. The calibration begins anew; what was recorded before is not used.")
+            self._say("Corrected. The calibration restarts; what was recorded before is not used.")
             self.restarts += 1
-            self._kept, self.newest, self.estimate = EvenFrames(), None, None
-            self.request, self.advice, self.loose = None, "", {}
-            self._vain, self._done, self._began_s = Counter(), set(), self.time_s
+            self.calibration, self.advice = Calibration(began_s=self.time_s), ""
             self._check_s = self.time_s + CHECKED_S
         elif self.phase == CHECKING:
             self.phase = CALIBRATING
             self._say(f"Nothing is wrong in these {CHECKED_S:.0f} s: receivers, hand, units.")
 
     def _estimate(self) -> None:
-        if self.findings or self.newest is None:
+        now = self.calibration
+        if self.findings or now.newest is None:
             return
-        before = None if self.estimate is None else self.estimate.open_joints
+        before = None if now.estimate is None else now.estimate.open_joints
         try:
-            self.estimate = estimate(self.hand, self._kept.poses())
+            now.estimate = estimate(self.hand, now.kept.poses())
         except InputError as error:
             if not self.log or "No estimate" not in self.log[-1][1]:
                 self._say(f"No estimate yet: {error}.")
             return
-        rows, still_open = self.estimate.rows, self.estimate.open_joints
+        rows, still_open = now.estimate.rows, now.estimate.open_joints
         if still_open != before and still_open:
             worst = max(still_open, key=lambda joint: float(rows[joint]["sd_mm"]))
             self._say(
-                f"{len(rows) - len(still_open)} of {count_of(len(rows), 'joint')} good enough; the "
-                f"least sure is {worst} "
-                f"at {rows[worst]['sd_mm']:.2f} mm"
+                f"{len(rows) - len(still_open)} of {count_of(len(rows), 'joint')} good enough; the least "
+                f"certain is {worst} at {rows[worst]['sd_mm']:.2f} mm"
             )
 
     def _advise(self, current: Estimate) -> None:
         """Update the request: test whether it is done or was tried, then request the most useful movement or
         declare the calibration sufficient.
         """
-        before = self.phase
+        now, before = self.calibration, self.phase
         if before == ENOUGH:
             worst_mm = max((_sd_mm(current, joint) for joint in self._useful(current)), default=0.0)
-            if worst_mm <= AGAIN * self.hand.wanted_mm:
+            if worst_mm <= AGAIN * self.hand.layout.wanted_mm:
                 return
             self.phase = CALIBRATING
-        if self.request is not None:
-            if not self._is_over(self.request, current):
+        if now.request is not None:
+            if not self._is_over(now.request, current):
                 return
-            for joint in self.request.movement.range_deg.keys() & self.request.sd_mm.keys():
-                self._vain[joint] += _sd_mm(current, joint) > (1 - WORTH) * self.request.sd_mm[joint]
-            self._done.add(self.request.movement.name)
-        weight = {joint: _sd_mm(current, joint) - self.hand.wanted_mm for joint in self._useful(current)}
+            for joint in now.request.movement.range_deg.keys() & now.request.sd_mm.keys():
+                now.vain[joint] += _sd_mm(current, joint) > (1 - WORTH) * now.request.sd_mm[joint]
+            now.done.add(now.request.movement.name)
+        weight = {
+            joint: _sd_mm(current, joint) - self.hand.layout.wanted_mm for joint in self._useful(current)
+        }
         rates = {
             name: sum(weight.get(joint, 0.0) for joint in movement.range_deg) / (movement.seconds + LISTEN_S)
             for name, movement in MOVEMENTS.items()
-            if name not in self._done and weight.keys() & movement.range_deg.keys()
+            if name not in now.done and weight.keys() & movement.range_deg.keys()
         }
         if rates:
             self._ask(MOVEMENTS[max(rates, key=lambda name: rates[name])], current)
             return
-        self.phase, self.request = ENOUGH, None
+        self.phase, now.request = ENOUGH, None
         self.advice = f"Enough: {self.summary()}"
         if before != ENOUGH:  # said once: only its numbers change while nothing else would help
             self._say(self.advice)
 
     def _useful(self, current: Estimate) -> list[str]:
         """Return joints that are not good enough and that further movements may improve."""
-        return [joint for joint in current.open_joints if self._vain[joint] < MOST_VAIN]
+        return [joint for joint in current.open_joints if self.calibration.vain[joint] < MOST_VAIN]
 
     def _is_over(self, request: Request, current: Estimate) -> bool:
         """Whether a movement is done, judging by the joints that need it, or has timed out."""
@@ -365,7 +378,7 @@ class Coach:
 
     def _ask(self, movement: Movement, current: Estimate | None = None) -> None:
         sd_mm = {} if current is None else {joint: _sd_mm(current, joint) for joint in current.open_joints}
-        self.request = Request(movement, self.time_s, sd_mm)
+        self.calibration.request = Request(movement, self.time_s, sd_mm)
         self.advice = movement.sentence
         self._say(f">> {movement.sentence}")
 

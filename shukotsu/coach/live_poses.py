@@ -186,7 +186,7 @@ class Replayed:
 
 
 class Recorder:
-    """Records into an archive until `stop`, and reads what it has written. notes : what it said."""
+    """Records into an archive until `stop`, and reads what was written. notes : lines of its output."""
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         self._archive = FollowedArchive(out)
@@ -230,4 +230,4 @@ class Recorder:
 
 
 Source = Replayed | Recorder | FollowedArchive
-"""What is read for the pieces of an archive, as they come."""
+"""Sources of an archive's pieces."""

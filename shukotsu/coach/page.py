@@ -13,7 +13,7 @@ from shukotsu.errors import InputError
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import belief
 from shukotsu.report.figures.panels import hand_panel, page_picture
-from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
+from shukotsu.report.hand_motion import ModelledHand, hand_motion, receiver_skeleton
 from shukotsu.report.palette import css
 from shukotsu.tables.whole_files import write_text
 
@@ -31,8 +31,9 @@ _TEMPLATE = jinja2.Environment(
 
 
 def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
-    """Write the page, whole or not at all. message : what stands over everything. Raises StorageError."""
-    rows = {} if coach.estimate is None else coach.estimate.rows
+    """Write the page, whole or not at all. message : shown on top. Raises StorageError."""
+    now = coach.calibration
+    rows = {} if now.estimate is None else now.estimate.rows
     text = _TEMPLATE.render(
         title=title,
         message=message,
@@ -40,11 +41,11 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
         every_s=None if coach.phase == ENDED else EVERY_S,
         phase=coach.phase,
         time_s=coach.time_s,
-        warnings=[*coach.findings, *coach.loose.values()],
+        warnings=[*coach.findings, *now.loose.values()],
         advice=coach.advice or coach.summary(),
         hand=_draw_hand(coach, rows),
         rows=[(r["joint"], f"{r['sd_mm']:.2f}", belief(r), first_reason(r)) for r in rows.values()],
-        wanted_mm=coach.hand.wanted_mm,
+        wanted_mm=coach.hand.layout.wanted_mm,
         log=coach.log[: -MOST_LINES - 1 : -1],
     )
     write_text(path, text)
@@ -52,14 +53,14 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
 
 def _draw_hand(coach: Coach, rows: Rows) -> Markup | None:
     """Draw the hand in the newest frame with most valid receivers, drawn as the report draws it."""
-    poses, hand = coach.newest, coach.hand
+    poses, hand = coach.calibration.newest, coach.hand
     if poses is None or not rows:
         return None
     seen = np.flatnonzero(poses.valid.sum(1) == poses.valid.sum(1).max())
     poses = poses.take(seen[-1:])
     try:
         errors = np.full((1, len(hand.layout.digits)), np.nan)
-        skeleton = receiver_skeleton(hand.layout, hand.model, 0, rows, errors, poses)
+        skeleton = receiver_skeleton(ModelledHand(hand.layout, hand.model, 0, rows, errors), poses)
         motion = hand_motion(hand.hand, hand.layout, poses, [skeleton])
     except InputError:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from shukotsu.errors import InputError
 from shukotsu.fit.measurements import Measurement
 from shukotsu.hand.known_digits import no_whole_hand
 from shukotsu.study.config_files import read_config
-from shukotsu.study.layout import Layout, read_layout
-from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.layout import read_layout
+from shukotsu.study.model import read_model
 from shukotsu.study.plan import rows_of_session
 from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet, sheet_rows
+from shukotsu.study.study import SIZES
 from shukotsu.tables import limits
 from shukotsu.tables.limits import read_whole
 from shukotsu.tables.subjects import path_token
@@ -30,8 +32,8 @@ _BOM = b"\xef\xbb\xbf"
 
 
 def hand_alone(layout: str | None, hand: str) -> CoachedHand:
-    """A hand of no study. Raises InputError where there is no such layout, or it is of no hand."""
-    return _hand(read_layout(layout or USUAL_LAYOUT), hand, read_model(USUAL_MODEL), None, {})
+    """A hand without a study. Raises InputError where the layout does not exist or is not of a hand."""
+    return _checked(CoachedHand(hand, read_layout(layout or USUAL_LAYOUT), read_model(USUAL_MODEL)))
 
 
 def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> CoachedHand:
@@ -40,7 +42,7 @@ def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> 
     """
     config = read_config(study, "study")
     person = next((row for row in _rows(study, config, PARTICIPANTS.name) if row["subject"] == subject), None)
-    sizes = {} if person is None else {name: person[name] for name in ("hand_length_mm", "hand_breadth_mm")}
+    sizes_mm = {} if person is None else {name: person[name] for name in SIZES}
     rows = [
         row
         for row in _rows(study, config, MEASUREMENTS.name)
@@ -53,23 +55,16 @@ def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> 
     models = [read_model(name, study.parent) for name in [*config["models"], USUAL_MODEL]]
     model = next(model for model in models if model.fitting is not None and model.fitting.steps)
     read = read_layout(layout or config["layout"], Path() if layout else study.parent)
-    more = {**sizes, "measurements": tuple(measurements)}
-    return _hand(read, hand, model, config["wanted_mm"], {"subject": subject, "hand": hand}, **more)
+    read = replace(read, wanted_mm=float(config["wanted_mm"] or read.wanted_mm))
+    whose = {"subject": subject, "hand": hand}
+    return _checked(CoachedHand(hand, read, model, whose, sizes_mm, tuple(measurements)))
 
 
-def _hand(
-    layout: Layout,
-    hand: str,
-    model: SkeletonModel,
-    wanted_mm: float | None,
-    whose: Mapping[str, str],
-    **more: Any,
-) -> CoachedHand:
-    if reason := no_whole_hand(layout, model.name):
+def _checked(hand: CoachedHand) -> CoachedHand:
+    """Return the hand with the layout of its side. Raises InputError where that is not of a hand."""
+    if reason := no_whole_hand(hand.layout, hand.model.name):
         raise InputError(reason)
-    assert model.fitting is not None
-    wanted_mm = float(wanted_mm or layout.wanted_mm)
-    return CoachedHand(hand, layout.of_hand(hand), model, model.fitting, wanted_mm, whose, **more)
+    return replace(hand, layout=hand.layout.of_hand(hand.hand))
 
 
 def _rows(study: Path, config: Mapping[str, Any], name: str) -> list[Row]:

@@ -65,7 +65,7 @@ def check_recording(arguments: argparse.Namespace) -> int:
         raise InputError(f"{path}: --hand is missing; say which hand the recording is of, right or left")
     from shukotsu.checks.checked_subject import checked_poses  # late, as they take a second to import
     from shukotsu.readers.import_recording import import_for_the_moment
-    from shukotsu.study.findings import EXIT_CODES, in_quotes
+    from shukotsu.study.findings import EXIT_CODES
     from shukotsu.study.layout import read_layout
 
     with tempfile.TemporaryDirectory() as folder:
@@ -79,7 +79,7 @@ def check_recording(arguments: argparse.Namespace) -> int:
         worn = read_layout(layout)
         findings = checked_poses(poses, worn.of_hand(hand)).findings
         for finding in findings:
-            print(f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}")
+            print(finding.line)
         if status := max((EXIT_CODES[finding.severity] for finding in findings), default=0):
             return status  # before that is settled, nothing can be said of joints
         print("" if findings else "no finding\n", end="")
@@ -125,6 +125,4 @@ def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
     )
 
 
-def main(argv: list[str]) -> int:
-    """Check; return the exit code."""
-    return command_line.run(build_parser, argv, check)
+main = command_line.script(build_parser, check)

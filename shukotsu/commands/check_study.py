@@ -1,4 +1,4 @@
-"""Read a study and its recordings as a run would; say what is wrong, and what lies outside its folder."""
+"""Read a study and its recordings as a run would; report faults, and files outside its folder."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def check_study(path: Path) -> int:
 def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
     """List what a study reads outside its folder, links followed, a sentence a folder."""
     shipped, folder = CONFIG_FOLDER, path.resolve().parent
-    read = [*map(Path, files.configuration), *(recording.file for recording in files.study.recordings)]
-    read += [recording.mapping for recording in files.study.recordings if recording.mapping is not None]
+    read = [*map(Path, files.configuration), *(recording.source.file for recording in files.study.recordings)]
+    read += [each.source.mapping for each in files.study.recordings if each.source.mapping is not None]
     real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
     outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]
     ordered = sorted(outside, key=lambda each: (each.parent, each.name))
@@ -71,7 +71,7 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
 
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
-    """Import every recording into a folder that is removed again; return what is to say."""
+    """Import every recording into a temporary folder; return the findings."""
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
     findings: list[Said] = []
     digests: list[tuple[Recording, str]] = []
@@ -79,9 +79,10 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
         for plan in plans:
             recordings = [recording for recording in plan.recordings if not recording.exclude]
-            poses = {recording: Path(folder, f"{done + n}.parquet") for n, recording in enumerate(recordings)}
-            for recording, file in poses.items():  # as a run does, be it a table of why it cannot be read
+            poses = {r.key_in_session: Path(folder, f"{done + n}.parquet") for n, r in enumerate(recordings)}
+            for recording in recordings:  # as a run does, be it a table of why it cannot be read
                 output = io.StringIO()
+                file = poses[recording.key_in_session]
                 argv = ["--record-failure", *import_options(recording), f"--out={file}"]
                 with redirect_stderr(output), redirect_stdout(output):
                     status = import_file.main(argv)
@@ -91,7 +92,7 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
                     raise InputError(output.getvalue().strip().removeprefix("error: "))
                 done += 1
                 tell(done)
-            imported = replace(plan, recordings=tuple(recordings), poses_files=poses)
+            imported = replace(plan, recordings=tuple(recordings), named_poses=poses)
             findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()

@@ -22,8 +22,8 @@ USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
 SOURCES = ("port", "follow", "replay")
 READ_S, LOST_S, FIRST_S = 0.1, 5.0, 20.0
-"""How often it is looked for what came; after how long it is said that nothing comes, and when first, while
-the tracker is being set up."""
+"""Interval of reading; seconds without data after which a warning is printed, and the longer limit at the
+start, while the tracker is being set up."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -108,7 +108,7 @@ def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopR
 
 
 def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> bool:
-    """Record and coach one hand; return whether receivers were put right in it, and it is recorded anew."""
+    """Record and coach one hand; return whether receivers were corrected, so that it is recorded again."""
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.live_poses import Recorder
     from shukotsu.coach.study import enter_recording, new_archive
@@ -130,7 +130,7 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
         last_note = "".join(recorder.notes[-1:]).removeprefix("error: ")
         raise InputError(f"{arguments.port}: nothing was recorded ({last_note})")
     print("\n".join(recorder.notes), file=sys.stderr)
-    exclude = PUT_RIGHT if coached.restarts else "" if coached.estimate else "it shows no hand"
+    exclude = PUT_RIGHT if coached.restarts else "" if coached.calibration.estimate else "it shows no hand"
     if arguments.study is not None:
         try:
             sheet = enter_recording(arguments.study, hand.whose, archive, exclude)

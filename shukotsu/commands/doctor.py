@@ -1,4 +1,4 @@
-"""Command line: what is missing of what studies need, and what this machine can do."""
+"""Command line: what studies need and is missing, and what this machine can do."""
 
 from __future__ import annotations
 
@@ -94,6 +94,4 @@ def doctor(options: argparse.Namespace) -> int:
     return 0 if all(check.there for check in results if check.needed) else command_line.EXIT_BAD_INPUT
 
 
-def main(argv: list[str]) -> int:
-    """Look at everything; return the exit code."""
-    return command_line.run(build_parser, argv, doctor)
+main = command_line.script(build_parser, doctor)

@@ -39,11 +39,6 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: list[str]) -> int:
-    """Run the emulator until Ctrl-C, SIGTERM or its own end; return the exit code."""
-    return command_line.run(build_parser, argv, emulate)
-
-
 def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
     from shukotsu.tracker.conversation import parse_stations
@@ -83,3 +78,6 @@ def emulate(options: argparse.Namespace) -> None:
         serve(Emulator(device, port.write, time.perf_counter_ns()), port, lambda: bool(signals))
     finally:
         port.close()
+
+
+main = command_line.script(build_parser, emulate)

@@ -23,9 +23,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def export_study(arguments: argparse.Namespace) -> None:
-    """Export what is asked for of every subject. InputError where the study was not run in this folder."""
+    """Export every subject as requested. InputError where the study was not run in this folder."""
     from shukotsu.export.exported_plans import export_plans
-    from shukotsu.study.plan import plan_of_results
+    from shukotsu.study.plan_file import plan_of_results
 
     files = read_files(arguments.study)
     every = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
@@ -36,6 +36,4 @@ def export_study(arguments: argparse.Namespace) -> None:
     export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)
 
 
-def main(argv: list[str]) -> int:
-    """Export; return the exit code."""
-    return command_line.run(build_parser, argv, export_study)
+main = command_line.script(build_parser, export_study)

@@ -11,7 +11,7 @@ from shukotsu.readers.import_recording import build_parser, import_recording, re
 
 
 def import_and_check(arguments: argparse.Namespace) -> None:
-    """Import the recording; but in a study, where a rule checks, print what came of it and cannot be so."""
+    """Import the recording; outside a study, where no rule checks it, print a summary and its findings."""
     import numpy as np
 
     from shukotsu.checks.checked_subject import checked_poses
@@ -40,6 +40,4 @@ def import_and_check(arguments: argparse.Namespace) -> None:
         print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
 
 
-def main(argv: list[str]) -> int:
-    """Import and check; return the exit code."""
-    return command_line.run(build_parser, argv, import_and_check, record_failure)
+main = command_line.script(build_parser, import_and_check, record_failure)

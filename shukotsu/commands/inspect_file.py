@@ -1,4 +1,4 @@
-"""Command line: a file of whatever kind -> what is in it, and on request a mapping to edit."""
+"""Command line: any file -> its content, and on request a mapping to edit."""
 
 from __future__ import annotations
 
@@ -32,11 +32,6 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--hand", choices=("right", "left"), help="whose it is (default: as the poses look)")
     parser.add_argument("--layout", default="liberty16", help="a layout that ships, or a path: its segments")
     return parser
-
-
-def main(argv: list[str]) -> int:
-    """Run the subcommand; return the exit code."""
-    return command_line.run(build_parser, argv, inspect)
 
 
 def inspect(arguments: argparse.Namespace) -> None:
@@ -84,7 +79,6 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
 
     from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.readers.import_recording import import_for_the_moment
-    from shukotsu.study.findings import in_quotes
     from shukotsu.study.layout import read_layout
 
     path, hand, layout = arguments.file, arguments.hand or "right", read_layout(arguments.layout)
@@ -100,7 +94,7 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
         if arguments.hand is None and any(finding.kind == "wrong-hand" for finding in findings):
             findings = checked_poses(path, layout, "left").findings
             print("it looks like a left hand")
-    return [f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}" for finding in findings]
+    return [finding.line for finding in findings]
 
 
 def _is_poses_table(path: Path) -> bool:
@@ -146,3 +140,6 @@ def describe(path: Path, layout: Layout | str) -> Description:
     from shukotsu.readers.inspection.text_tables import describe_table, describe_tidy_csv, is_tidy
 
     return (describe_tidy_csv if is_tidy(path) else describe_table)(path, layout)
+
+
+main = command_line.script(build_parser, inspect)

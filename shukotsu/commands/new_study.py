@@ -25,13 +25,13 @@ STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
 """Language of the comments and of the report -> the template."""
 COLUMNS = ("subject", "hand", "task", "role", "file")
 MORE_COLUMNS = ("session", "trial", "mapping")
-"""Columns that a drafted sheet has where a recording gives them something to hold."""
+"""Columns that a drafted sheet has where some recording has a value for them."""
 RECORDINGS = {
     ending for form in (*FORMATS.values(), *MAPPED.values()) for ending in form.endings if ending != ".txt"
 }
 """Endings of files that may be recordings; texts beside them are mostly notes."""
 BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
-"""How tables end that stand beside recordings of Motion-BIDS."""
+"""Endings of the tables beside recordings in Motion-BIDS."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -102,7 +102,7 @@ def new_study(arguments: argparse.Namespace) -> None:
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
-    """Draft the sheet of recordings, header first, and the mappings' files; say what is wrong with any."""
+    """Draft the sheet of recordings, header first, and the mappings' files; report unreadable recordings."""
     from shukotsu.study.layout import read_layout
 
     layout = read_layout(arguments.layout)
@@ -185,7 +185,7 @@ _KEYED = re.compile(
 """A word and what it names: sub-03, Session 2, trial01."""
 _DATE = re.compile(r"(?<!\d)(19|20)\d\d[-_.]?\d\d[-_.]?\d\d([T_ -]?\d\d[-_.:h]?\d\d([-_.:m]?\d\d)?)?(?!\d)")
 _APART = re.compile(r"\b(P|S|VP)[- ](?=\d)", re.I)
-"""A subject's name of which the number stands apart: P 01."""
+"""A subject's name with a separate number: P 01."""
 _WITH_HAND = re.compile(r"(\w*\d)([LR])")
 """A subject's name with its hand's letter: P01L."""
 
@@ -203,7 +203,7 @@ class NameParts:
 
 
 def parts_of_names(names: Iterable[Path]) -> list[NameParts]:
-    """Read names of files, whose folders below that of the recordings are parts of them.
+    """Read the parts of file names; folders below that of the recordings count as parts of a name.
 
     Where a hand has a calibration by its name, others are for evaluation; else for both.
     """
@@ -262,7 +262,8 @@ class Drafts:
 def draft_mappings(
     recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None] = lambda _: None
 ) -> Drafts:
-    """Draft a mapping for every recording that needs one; inspected : told how many have been looked at.
+    """Draft a mapping for every recording that needs one; inspected : called with the number of files read so
+    far.
 
     Files are alike where their drafts say the same; what one leaves open may be settled in another.
     """
@@ -298,6 +299,4 @@ def draft_mappings(
     return Drafts({name: text for name, (text, _, _) in zip(names, groups, strict=False)}, of, refused)
 
 
-def main(argv: list[str]) -> int:
-    """Make the folder; return the exit code."""
-    return command_line.run(build_parser, argv, new_study)
+main = command_line.script(build_parser, new_study)

@@ -13,7 +13,7 @@ from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.families import FAMILIES, USUAL
 
 EXIT_CUT_SHORT = 3
-"""The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
+"""The recording ended early: the port went away, or the disk was full. What had arrived is kept."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -45,11 +45,6 @@ def build_parser() -> argparse.ArgumentParser:
     add("--devices", action="store_true", help="record nothing: list the ports at which a tracker may be")
     add("--ask", action="store_true", help="record nothing: say what the tracker answers and sends in 2 s")
     return parser
-
-
-def main(argv: list[str]) -> int:
-    """Run the command; return the exit code, or end the program with another where it was cut short."""
-    return command_line.run(build_parser, argv, record_tracker)
 
 
 def record_tracker(options: argparse.Namespace) -> None:
@@ -110,3 +105,6 @@ def record_tracker(options: argparse.Namespace) -> None:
     message = f"{port}: {ending.reason} after {seconds:.1f} s; {out} keeps the first {kept_s:.1f} s"
     LinePrinter(sys.stderr).say(f"error: {message}")
     sys.exit(EXIT_CUT_SHORT)
+
+
+main = command_line.script(build_parser, record_tracker)

@@ -35,6 +35,4 @@ def run_demo(arguments: argparse.Namespace) -> int:
     return run_study.main([str(STUDY), "--cores", arguments.cores])
 
 
-def main(argv: list[str]) -> int:
-    """Write and run the study; return the exit code."""
-    return command_line.run(build_parser, argv, run_demo)
+main = command_line.script(build_parser, run_demo)

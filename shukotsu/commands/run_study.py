@@ -1,4 +1,4 @@
-"""Command line: run a study by Snakemake, and say what came of it."""
+"""Command line: run a study by Snakemake, and print its outcome."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def run_study(arguments: argparse.Namespace) -> int:
 
 
 def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> int:
-    """Run a command to its end, be it that nobody reads on; return its exit code.
+    """Run a command to its end, even where its output is no longer read; return its exit code.
 
     It has a group of its own, which is all that it starts. A signal that asks this process to end is raised
     (`command_line.Ended`) when that group has ended: by SIGTERM, after grace_s by SIGKILL.

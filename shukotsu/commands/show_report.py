@@ -49,6 +49,4 @@ def show_report(arguments: argparse.Namespace) -> None:
             print("note: found no browser here; open that file in one", file=sys.stderr)
 
 
-def main(argv: list[str]) -> int:
-    """Show the report; return the exit code."""
-    return command_line.run(build_parser, argv, show_report)
+main = command_line.script(build_parser, show_report)

@@ -62,7 +62,7 @@ def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespac
     path = arguments.out / FORMATS["bids"].shared
     if path.exists() and len(plans) == 1 and arguments.participants is None:
         return
-    participants: dict[str, dict[str, object]] = {plan.subject: {} for plan in plans}
+    participants: dict[str, dict[str, object]] = {plan.who.subject: {} for plan in plans}
     for row in read_sheet(arguments.participants, PARTICIPANTS):
         if row["subject"] in participants:
             participants[row["subject"]] = {n: value for n, value in row.values.items() if n != "subject"}

@@ -140,8 +140,8 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
         fit_hand,
         layout=layout,
         hand=hand,
-        hand_length_mm=plan.hand_length_mm,
-        hand_breadth_mm=plan.hand_breadth_mm,
+        hand_length_mm=plan.sizes_mm["hand_length_mm"],
+        hand_breadth_mm=plan.sizes_mm["hand_breadth_mm"],
         measurements=_measurements(plan, hand, layout),
         settings=FitSettings(fitting.frames, fitting.steps, FitSettings.rounds if fitting.steps else 0),
     )
@@ -168,7 +168,7 @@ def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FR
 def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:
     """Measurements of the hand; InputError where the sheet names what cannot be measured."""
     quantities = measurable(layout)
-    rows = [row for row in plan.measurements if row["hand"] == hand]
+    rows = [row for row in plan.rows["measurements"] if row["hand"] == hand]
     for row in rows:
         if row["quantity"] not in quantities:
             raise InputError(
@@ -183,7 +183,9 @@ def _touches(
 ) -> list[Touch]:
     """The sheet's touches in recordings that calibrate the hand."""
     recordings = {(name.task, name.trial): poses for name, poses in by_name.items()}
-    sheet_rows = [r for r in plan.touches if r["hand"] == hand and (r["task"], r["trial"]) in recordings]
+    sheet_rows = [
+        r for r in plan.rows["touches"] if r["hand"] == hand and (r["task"], r["trial"]) in recordings
+    ]
     met = Counter(frozenset((row["digit"], row["meets"])) for row in sheet_rows if not row["sd_mm"])
     touches = []
     for row in sheet_rows:

@@ -17,7 +17,8 @@ from shukotsu.hand.neutral_bones import angle_axes, at_rest
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, multiply, rotate
-from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.results import Results
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import TABLES
@@ -111,7 +112,7 @@ def pose(
         failed.
 
     """
-    plan = _plan_in_place(Results(Path(results)).plan(subject, session))
+    plan = plan_of_results(Results(Path(results)).plan(subject, session))
     recording = _recording(plan, hand, task, trial)
     if model not in plan.models:
         raise InputError(f"model {model!r} is not in study {plan.study}; {guess(model, list(plan.models))}")
@@ -179,23 +180,14 @@ def _series(joint: str, angles_deg: Angles) -> Array:
     return angles.reshape(-1, 3)
 
 
-def _plan_in_place(path: Path) -> SubjectPlan:
-    """Return a subject's plan with its paths where the results are now, whatever folder Python runs in."""
-    plan, folder = read_plan(path), path.parent
-    findings = folder / "findings.parquet"
-    files = {
-        recording: folder / file.relative_to(plan.folder) for recording, file in plan.poses_files.items()
-    }
-    plan = replace(plan, folder=folder, poses_files=files)
-    return plan.checked(findings) if findings.is_file() else plan
-
-
 def _recording(plan: SubjectPlan, hand: str, task: str, trial: str) -> Recording:
-    names = {(each.hand.hand, each.task, each.trial): each for each in plan.recordings}
+    names = {each.key_in_session: each for each in plan.recordings}
     if recording := names.get((hand, task, trial)):
         if recording.exclude:
             raise InputError(f"{recording.name}: is excluded ({recording.exclude})")
         return recording
     there = [" ".join(filter(None, name)) for name in names]
     wanted = " ".join(filter(None, (hand, task, trial)))
-    raise InputError(f"subject {plan.subject} has no recording {wanted}; expected one of {list_names(there)}")
+    raise InputError(
+        f"subject {plan.who.subject} has no recording {wanted}; expected one of {list_names(there)}"
+    )

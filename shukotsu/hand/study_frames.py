@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from shukotsu.errors import InputError, TableError, guess
 from shukotsu.hand.read_results import read_file
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
 from shukotsu.tables.catalogue import TABLES
 
@@ -32,9 +32,7 @@ class StudyTables(Mapping[str, "pd.DataFrame"]):
         if not plans:
             raise InputError(f"{folder}: holds no results of a study; expected a folder such as results/demo")
         self.folder = folder
-        self._people = [
-            {"subject": plan.subject, "session": plan.session} | dict(plan.factors) for plan in plans
-        ]
+        self._people = [plan.who._asdict() | dict(plan.factors) for plan in plans]
         self._recordings = [
             recording.key | dict(plan.factors) | dict(recording.factors)
             for plan in plans

@@ -128,7 +128,7 @@ def events_of(
     }
     by_recording: dict[tuple[str, str], list[TimedEvent]] = {}
     for row in [] if events is None else rows_of(read_table(events, EVENTS)):
-        if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
+        if (row["session"], row["hand"]) == (plan.who.session, hand) and row["onset_s"] is not None:
             timed = TimedEvent(row, weak.get(place(row), ""))
             by_recording.setdefault((row["task"], row["trial"]), []).append(timed)
     return {

@@ -205,8 +205,10 @@ def of_plan(plan: SubjectPlan) -> dict[Part, list[RecordingEvents]]:
         if recording.exclude or not usable_poses([plan.poses(recording)])[0]:
             continue
         key = recording.key
-        rows = [row.values for row in plan.events if all(row[name] in ("", key[name]) for name in key)]
-        files = (plan.poses(recording), recording.file, recording.events, recording.pulses)
+        rows = [
+            row.values for row in plan.rows["events"] if all(row[name] in ("", key[name]) for name in key)
+        ]
+        files = (plan.poses(recording), recording.source.file, recording.events, recording.pulses)
         by_part[plan.part(recording.hand.hand)].append(RecordingEvents(*files, rows, key))
     return by_part
 

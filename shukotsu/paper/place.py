@@ -168,7 +168,9 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
 
     """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
-    rows_of_hand = [row for row in plan.corrections if row["hand"] == part.hand and model.planes.corrections]
+    rows_of_hand = [
+        row for row in plan.rows["corrections"] if row["hand"] == part.hand and model.planes.corrections
+    ]
     corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
     rows = []
     for solution in rows_of(read_part(solutions, JOINT_SOLUTIONS, part)):
@@ -179,7 +181,7 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
                 "give the layout that the joints were solved with"
             )
         row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
-        row |= {"subject": plan.subject, "session": plan.session}
+        row |= {"subject": plan.who.subject, "session": plan.who.session}
         rows.append(row)
     return rows
 

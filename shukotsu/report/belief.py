@@ -45,37 +45,37 @@ _SHOWN = {verdict.BELIEVE: BELIEVED, verdict.CARE: CARE, verdict.NO: NOT}
 """What pages show for each value of the column `verdict`."""
 
 _DOUBT_TEXTS: Mapping[str, str] = {
-    verdict.NOT_WORN: N_("no receiver on {segments}, so nothing measures it"),
-    verdict.SUSPECT: N_("what was found in its recording leaves it out of everything"),
+    verdict.NOT_WORN: N_("no receiver on {segments}, so it is not measured"),
+    verdict.SUSPECT: N_("findings in its recording exclude it from all statistics"),
     verdict.FAR: N_(
-        "the hand that fits is far from any usual one ({what} is {sd:.0f} SD off): wrong units, swapped "
+        "the fitted hand is implausible ({what} is {sd:.0f} SD from the average): wrong units, swapped "
         "receivers, or a receiver far from the middle of its bone"
     ),
     verdict.HALVES: N_(
-        "its receivers disagree by {gap_mm:.0f} mm, which the stated error does not know: a loose receiver, "
+        "its receivers disagree by {gap_mm:.0f} mm, more than the stated error explains: a loose receiver, "
         "a wrong quaternion order or angle convention, or thick skin"
     ),
     verdict.TOO_CLOSE: str(PROBLEMS[verdict.TOO_CLOSE]),
-    verdict.UNCERTAIN: N_("known less well than to {wanted_mm:g} mm (1 sigma, 3-D)"),
+    verdict.UNCERTAIN: N_("its error exceeds {wanted_mm:g} mm (1 sigma, 3-D)"),
     verdict.ONE_WAY: N_(
-        "known less well than to {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
+        "its error exceeds {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
     ),
-    verdict.BY_ANATOMY: N_("anatomy places it rather than the recording"),
+    verdict.BY_ANATOMY: N_("its position comes from anatomy rather than from the recording"),
     verdict.MOVED_LITTLE: N_("moved only {range_deg:.0f} deg; skin alone can look like that"),
-    verdict.NO_POSE: N_("no valid pose of {segments}: anatomy and the other receivers stand in for it"),
-    verdict.ONE_RECEIVER: N_("no receiver on {segments}: lengths of bones stand in for it"),
+    verdict.NO_POSE: N_("no valid pose of {segments}: estimated from anatomy and the other receivers"),
+    verdict.ONE_RECEIVER: N_("no receiver on {segments}: estimated from bone lengths"),
     verdict.UNSETTLED: N_("the fit of the hand did not converge"),
     verdict.ACROSS: N_(
-        "seen from {receiver} across {segment}, which moves and carries no receiver, so that nothing in the "
-        "data shows how far it is off"
+        "seen from {receiver} across {segment}, which moves and carries no receiver, so its displacement "
+        "does not show in the data"
     ),
     verdict.AXIS_IN_PLANE: N_(
         "its axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "
         "{slide_mm:.0f} mm along it"
     ),
-    verdict.BY_HAND: N_("moved {correction_mm:.1f} mm by hand; the stated error is of the place before"),
-    verdict.FROM_DOUBTFUL: N_("found from joints that are not to be believed: {joints}"),
-    verdict.NO_ERROR: N_("no error is stated for its place"),
+    verdict.BY_HAND: N_("moved {correction_mm:.1f} mm by hand; the stated error is of the position before"),
+    verdict.FROM_DOUBTFUL: N_("derived from joints that are not believed: {joints}"),
+    verdict.NO_ERROR: N_("no error is stated for its position"),
     verdict.AXIS: N_("its axis is uncertain by {axis_sd_deg:.0f} deg"),
 }
 """What a kind of doubt says of a joint."""
@@ -91,7 +91,8 @@ def belief(row: Mapping[str, object]) -> str:
 def reasons_of(row: Mapping[str, Any]) -> list[str]:
     """Return why a row of joint_centres is doubted and what else is known of it, the weightiest first.
 
-    Its 1-sigma error stands beside it in a column of its own, so that joints with one reason share it.
+    The 1-sigma error is not part of the text: it has its own column, so that joints with the same reason
+    share a text.
     """
     doubts, message = verdict.doubts_of(row), translated(row["message"]).rstrip(".。")
     reasons = []
@@ -103,7 +104,7 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
     if verdict.NOT_WORN in doubts:
         message = ""
     elif verdict.NOT_SOLVED in doubts:
-        message = tr("has no place: {message}", message=message)
+        message = tr("has no position: {message}", message=message)
     return [text for text in (*reasons, message) if text]
 
 
@@ -119,10 +120,11 @@ _NUMBERS = ("sd_mm", "range_deg", "gap_rms_mm", "gap_rms_free_mm", "axis_plane_d
 def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     """Tabulate a hand's joints under a model: verdict, the numbers that any joint has, reasons for doubt."""
     rows: Sequence[Mapping[str, Any]] = results.joints_of.get((hand, model), [])
+    row_name = Markup('<span id="{}">{}</span>' if model == results.leading else "{1}")  # where links lead
     columns = (
         PageColumn(
             tr("Joint"),
-            lambda row: _row_anchor(hand, row["joint"], marked=model == results.leading),
+            lambda row: row_name.format(joint_anchor(hand, row["joint"]), word(row["joint"])),
             is_text=True,
         ),
         PageColumn(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
@@ -141,12 +143,6 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
 def joint_anchor(hand: Hand, joint: str) -> str:
     """Return the name by which a link finds a joint's row on its subject's page."""
     return f"{hand.hand}-{joint}"
-
-
-def _row_anchor(hand: Hand, joint: str, *, marked: bool) -> str:
-    if not marked:
-        return word(joint)
-    return Markup('<span id="{}">{}</span>').format(joint_anchor(hand, joint), word(joint))
 
 
 def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
@@ -199,8 +195,8 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
     if others := [joint for joint in near if joint not in mended]:
         lines.append(
             tr(
-                "What betters {joints}: a further calibration in which they bend slowly over their whole "
-                "range, the palm at rest, or two measurements together.",
+                "To improve {joints}, record a further calibration in which they bend slowly over their "
+                "whole range with the palm at rest, or take two measurements.",
                 joints=listed(others),
             )
         )
@@ -217,28 +213,24 @@ _PARTS = {
     "touch": N_("touching a known point with the {bone} fingertip"),
     "": N_("measuring the {bone} with a calliper"),
 }
-"""By the part of a quantity of the table gains, as measurements.tsv has them: what is to be done."""
-
-
-def action_text(quantity: str) -> str:
-    """Write what is to be measured or done for a quantity of the table gains."""
-    segment, _, part = quantity.partition(".")
-    bone = word(segment).replace("_", " ")
-    if bone.endswith(("proximal", "middle", "distal")) and part != "touch":
-        bone += " phalanx"
-    return tr(_PARTS[part], bone=bone)
+"""The action for each part of a quantity in the table gains, named as in measurements.tsv."""
 
 
 def gain_lines(rows: Sequence[GainsRow]) -> list[str]:
     """Return what to record or measure next of a hand, a sentence a row of gains, at most three."""
-    return [
-        tr(
+    lines = []
+    for row in rows[:MOST_GAINS]:
+        segment, _, part = row["quantity"].partition(".")
+        bone = word(segment).replace("_", " ")
+        if bone.endswith(("proximal", "middle", "distal")) and part != "touch":
+            bone += " phalanx"
+        text = tr(
             "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
             "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
             **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
-            action=capital(action_text(row["quantity"])),
+            action=capital(tr(_PARTS[part], bone=bone)),
             before=number(row["mean_sd_before_mm"]),
             after=number(row["mean_sd_after_mm"]),
         )
-        for row in rows[:MOST_GAINS]
-    ]
+        lines.append(text)
+    return lines

@@ -1,4 +1,4 @@
-"""What moves in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
+"""Motion shown in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
 
 Where a joint is says `hand.posing`: a fitted hand moves as its bones were posed with all receivers; every
 other skeleton is carried by them. Still pictures show one frame of the same motion.
@@ -153,46 +153,46 @@ def view_base(layout: Layout) -> str:
     return next(iter(layout.digits.values())).base
 
 
-def receiver_skeleton(
-    layout: Layout, model: SkeletonModel, model_index: int, joints: Rows, tip_error_mm: Array, poses: Poses
-) -> ShownSkeleton:
-    """Return a skeleton whose joints receivers carry.
+@dataclass(frozen=True)
+class ModelledHand:
+    """A hand under a model, to be posed. joints : rows of joint_centres by joint. tip_error_mm : (T, D)."""
 
-    joints : rows of joint_centres by joint. tip_error_mm : (T, D).
-    """
-    by_digit = [digit_points(digit, layout, model, joints) for digit in layout.digits.values()]
+    layout: Layout
+    model: SkeletonModel
+    model_index: int
+    joints: Rows
+    tip_error_mm: Array
+
+
+def receiver_skeleton(hand: ModelledHand, poses: Poses) -> ShownSkeleton:
+    """Return a skeleton whose joints receivers carry."""
+    digits = hand.layout.digits.values()
+    by_digit = [digit_points(digit, hand.layout, hand.model, hand.joints) for digit in digits]
     points = {point.name: point for of_digit in by_digit for point in of_digit}
     positions = {name: point.position_mm(poses) for name, point in points.items()}
     bones = _bones(list(points), [[point.name for point in of_digit] for of_digit in by_digit], None)
-    skeleton = _skeleton(layout, model, model_index, positions, bones, joints, {}, tip_error_mm)
-    return replace(skeleton, on_receivers=tuple(points.values()))
+    return replace(_skeleton(hand, positions, bones, {}), on_receivers=tuple(points.values()))
 
 
 def fitted_skeleton(
-    layout: Layout,
-    model: SkeletonModel,
-    model_index: int,
-    joints: Rows,
-    worn: Mapping[str, ReceiversRow],
-    posed: PosedRecording,
-    tip_error_mm: Array,
+    hand: ModelledHand, worn: Mapping[str, ReceiversRow], posed: PosedRecording
 ) -> ShownSkeleton:
     """Return a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
 
-    joints : rows of joint_centres by joint; worn : rows of receivers by segment. tip_error_mm : (T, D).
+    worn : rows of receivers by segment.
     """
+    layout = hand.layout
     chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
     wrist = layout.wrist.joint if layout.wrist else None
     names = dict.fromkeys([*([wrist] if wrist else []), *(name for chain in chains for name in chain)])
-    nowhere = np.full((len(tip_error_mm), 3), np.nan)
+    nowhere = np.full((len(hand.tip_error_mm), 3), np.nan)
     posed_mm = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
     positions = {name: posed_mm.get(name, nowhere) for name in names}
     sd_of_tip = {
         f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
         for name, digit in layout.digits.items()
     }
-    lines = _bones(list(positions), chains, wrist)
-    return _skeleton(layout, model, model_index, positions, lines, joints, sd_of_tip, tip_error_mm)
+    return _skeleton(hand, positions, _bones(list(positions), chains, wrist), sd_of_tip)
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
@@ -268,44 +268,38 @@ def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None
 
 
 def _skeleton(
-    layout: Layout,
-    model: SkeletonModel,
-    model_index: int,
+    hand: ModelledHand,
     positions: Mapping[str, Array],
     bones: tuple[BoneLine, ...],
-    joints: Rows,
     sd_of_tip: Mapping[str, float],
-    tip_error_mm: Array,
 ) -> ShownSkeleton:
-    points = tuple(positions)
+    points, joints = tuple(positions), hand.joints
     sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
     return ShownSkeleton(
-        model=model.name,
-        model_index=model_index,
+        model=hand.model.name,
+        model_index=hand.model_index,
         points=points,
         position_mm=np.stack(list(positions.values()), 1),
         on_receivers=None,
         sd_mm=np.array(sd),
         believed=tuple(belief(joints[p]) if p in joints else BELIEVED for p in points),
         bones=bones,
-        axes=_axes(layout, model, points, joints),
-        tip_error_mm=tip_error_mm,
+        axes=_axes(hand, points),
+        tip_error_mm=hand.tip_error_mm,
     )
 
 
-def _axes(
-    layout: Layout, model: SkeletonModel, points: tuple[str, ...], joints: Rows
-) -> tuple[JointAxis, ...]:
+def _axes(hand: ModelledHand, points: tuple[str, ...]) -> tuple[JointAxis, ...]:
     """The axis of each joint drawn that has one, in its child receiver's frame."""
     axes = []
-    for joint in layout.solvable:
-        row = joints.get(joint.name)
+    for joint in hand.layout.solvable:
+        row = hand.joints.get(joint.name)
         if row is None or joint.name not in points or row["axis_child_x"] is None:
             continue
         x, y, z = vector_of(row, "axis_child_").tolist()
         plane = joint.plane
         side = joint.parent_receiver if plane.frame == "parent" else joint.child
-        cut_by = side if model.planes.cut and plane.frame != "none" else ""
+        cut_by = side if hand.model.planes.cut and plane.frame != "none" else ""
         axes.append(JointAxis(points.index(joint.name), joint.child, (x, y, z), cut_by, plane.normal))
     return tuple(axes)
 

@@ -16,7 +16,7 @@ from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
 from shukotsu.study.model import the_papers
-from shukotsu.translation import listed, ngettext, tr, word
+from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow, ModelDifferencesRow
@@ -52,7 +52,9 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
     """Return the available numbers, in the order of METRICS."""
     judged = []
     for metric in METRICS:
-        rows = [row for row in results.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)]
+        rows = [
+            row for row in results.rows.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)
+        ]
         values: dict[str, dict[str, float]] = defaultdict(dict)
         for row in rows:
             if row["value"] is not None:
@@ -62,7 +64,7 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
         references = frozenset(row["model"] for row in rows if row["reference"])
         differences = [
             row
-            for row in results.model_differences
+            for row in results.rows.model_differences
             if (row["metric"], row["digit"]) == (metric, ALL_DIGITS) and row["n_compared_subjects"]
         ]
         judged.append(JudgedModels(metric, rows[0]["held_out"], dict(values), references, differences))
@@ -73,8 +75,8 @@ def model_to_take(results: StudyResults) -> str:
     """Return the sentence which says which model to take and why."""
     leading = results.leading
     if results.hands and results.suspect >= {*results.hands}:
-        return tr("Settle the findings first: every hand has one, so that nothing judges a model.")
-    verdicts = [row["verdict"] for row in results.judging.joints if row["model"] == leading]
+        return tr("Resolve the findings first: every hand has one, so no model can be judged.")
+    verdicts = [row["verdict"] for row in results.judging.rows.joint_centres if row["model"] == leading]
     if verdicts and verdict.BELIEVE not in verdicts:
         return tr(
             "No joint can be believed, so no model is recommended: put right what is named below and in the "
@@ -133,17 +135,19 @@ def taken_model(results: StudyResults) -> str:
     return results.leading if row is None else str(row["model"])
 
 
+_CLAIMS = {
+    TRUTH: N_("Take the model {model}: its joints are {mean} mm from the true ones on average"),
+    "true_tip_mean_mm": N_(
+        "Take the model {model}: its fingertips are {mean} mm from the true ones on average"
+    ),
+    LEFT_OUT: N_(
+        "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it has not seen"
+    ),
+}
+
+
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:
-    values = {"model": model, "mean": format_value(judged.metric, mean)}
-    if judged.metric == TRUTH:
-        return tr("Take the model {model}: its joints are {mean} mm from the true ones on average", **values)
-    if judged.metric == LEFT_OUT:
-        return tr(
-            "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it "
-            "has not seen",
-            **values,
-        )
-    return tr("Take the model {model}: its fingertips are {mean} mm from the true ones on average", **values)
+    return tr(_CLAIMS[judged.metric], model=model, mean=format_value(judged.metric, mean))
 
 
 class BigNumber(NamedTuple):
@@ -161,7 +165,7 @@ def used_text(results: StudyResults) -> str:
     in_doubt = sum(each.hand in results.suspect for each in used)
     others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
     if in_doubt:
-        others.append(tr("{n} in no statistic, for what was found", n=in_doubt))
+        others.append(tr("{n} left out of all statistics because of findings", n=in_doubt))
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
     text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
     text += f" ({listed(others)})" if others else ""
@@ -173,12 +177,12 @@ def used_text(results: StudyResults) -> str:
 def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]:
     """Return joints believed of all, the typical error of a joint, and hands with a finding."""
     model = results.leading
-    every = [row for row in results.judging.joints if row["model"] == model]
+    every = [row for row in results.judging.rows.joint_centres if row["model"] == model]
     rows = [row for row in every if row["reason"] != verdict.NOT_WORN]
     hands = hands_counted(results, len({hand_of(row) for row in every}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
     total = ngettext("{n} joint", "{n} joints", len(rows))
-    of_joints = tr("can be believed: no hand that counts has a joint under {model}", model=model)
+    of_joints = tr("can be believed: no hand without a finding has a joint under {model}", model=model)
     if every:
         of_joints = tr(
             "can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands
@@ -194,7 +198,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
         BigNumber(
             str(suspects),
             tr("of {total}", total=hands_counted(results, len(results.hands))),
-            mistaken + (tr(", in no statistic unless accepted") if suspects else ""),
+            mistaken + (tr(", left out of statistics unless accepted") if suspects else ""),
         ),
     )
 
@@ -202,8 +206,10 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
 def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow], total: str) -> BigNumber:
     """Return the median error of joints and of how many, or that none comes from the recordings."""
     stated = [row for row in rows if row["sd_mm"] is not None]
+    if not rows:
+        return BigNumber(DASH, "", tr("there is no typical error, since no joint counts"))
     if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):
-        return BigNumber(DASH, "", tr("the recordings gave 0 of {total} an error", total=total))
+        return BigNumber(DASH, "", tr("none of {total} has an error from the recordings", total=total))
     typical = tr(
         "is how far off the model expects a joint to be: the median of {n} of {total}, 1 sigma in 3-D",
         n=len(stated),

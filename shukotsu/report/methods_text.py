@@ -51,7 +51,7 @@ def _count(n: int, name: str) -> str:
 
 
 def _describe_recordings(results: StudyResults) -> str:
-    used = [row for row in results.recording_rows if row["status"] == "used"]
+    used = [row for row in results.rows.recordings if row["status"] == "used"]
     rates = [
         (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
     ]
@@ -71,12 +71,12 @@ def _describe_recordings(results: StudyResults) -> str:
     if results.suspect:
         sessions = {hand: f", session {hand.session}" if hand.session else "" for hand in results.suspect}
         hands = ", ".join(sorted(f"subject {h.subject}{at}, {h.hand} hand" for h, at in sessions.items()))
-        text += f". Left out of every statistic, for what was found in their recordings: {hands}"
+        text += f". Left out of all statistics because of findings in their recordings: {hands}"
     if results.simulated:
         return f"{text}. The simulator knows the true skeleton; no person's hand is behind these numbers."
     trackers = ", ".join(sorted({row["tracker"] for row in used if row.get("tracker")}))
     text += f". The tracker was: {trackers or '[name it here]'}."
-    mappings = Counter(recording.mapping for recording in results.recordings if not recording.exclude)
+    mappings = Counter(each.source.mapping for each in results.recordings if not each.exclude)
     return text + "".join(
         f" {_count(n, 'recording')} of another program: read as {path.name} declares"
         f"{_describe_mapping(path)}."
@@ -115,7 +115,7 @@ def _describe_models(results: StudyResults) -> str:
 
 
 def _describe_comparison(results: StudyResults) -> str:
-    fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
+    fresh = any(row["held_out"] and not row["reference"] for row in results.rows.skeleton_scores)
     seen = (
         "of tasks that they were not made from" if fresh else "that they were made from; nothing was held out"
     )

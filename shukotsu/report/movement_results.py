@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import MovementDifferencesRow
 
 RANGE = "range_deg"
-"""The quantity that is drawn; all others stand in tables."""
+"""The quantity that is drawn; all others are in tables."""
 OF_ANGLE = ["joint", "angle"]
 SUBJECT = ["subject", "session", "hand"]
 _MOST_REASONS = 3
@@ -231,7 +231,7 @@ class DrawnDifference:
 
 @dataclass(frozen=True)
 class ComparedFactor:
-    """A factor: its levels in words, why nothing is compared (or empty), the table, and what is drawn."""
+    """A factor: its levels, the reason why it is not compared (or empty), its table and its figures."""
 
     name: str
     levels: str
@@ -241,10 +241,10 @@ class ComparedFactor:
 
 
 def compared_factors(results: StudyResults, study: Study, movement: StudyMovement) -> list[ComparedFactor]:
-    """Return what is shown of every factor of the study file, in its order."""
+    """Return every factor of the study file, in its order, with its table and figures."""
     if not study.factors:
         return []
-    problems = pd.DataFrame(results.problems, columns=["subject", "session", "hand", "severity"])
+    problems = pd.DataFrame(results.rows.problems, columns=["subject", "session", "hand", "severity"])
     everything = mark_suspect(factor_levels(study), study.factors, problems)
     reasons, asked = not_compared(study), study.config["compare"]
     factors = []

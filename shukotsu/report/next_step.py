@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.study import verdict
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, word
 
@@ -31,7 +31,7 @@ _WORN_MORE = (verdict.NO_POSE, verdict.ONE_RECEIVER)
 
 def doubted_joints(results: StudyResults) -> list[JointCentresRow]:
     """Return rows of worn joints under the leading model, of hands that count, that are not believed."""
-    rows = (row for row in results.judging.joints if row["model"] == results.leading)
+    rows = (row for row in results.judging.rows.joint_centres if row["model"] == results.leading)
     return [row for row in rows if row["verdict"] != verdict.BELIEVE and row["reason"] != verdict.NOT_WORN]
 
 
@@ -40,7 +40,7 @@ def care_line(results: StudyResults) -> str:
     of_reason: dict[str, list[JointCentresRow]] = defaultdict(list)
     for row in doubted_joints(results):
         of_reason[row["reason"]].append(row)
-    n_hands = len({hand_of(row) for row in results.judging.joints})
+    n_hands = len({hand_of(row) for row in results.judging.rows.joint_centres})
     parts = []
     for rows in sorted(of_reason.values(), key=len, reverse=True)[:MOST_REASONS]:
         counts = Counter(row["joint"] for row in rows)
@@ -56,7 +56,7 @@ def care_line(results: StudyResults) -> str:
 def next_step(results: StudyResults) -> str:
     """Return the action that would improve the joints most, in words of the hand; empty where none is known.
 
-    Actions are weighed by the millimetres by which joints that they serve miss what is wanted.
+    Actions are weighted by how far, in mm, the joints that they improve exceed the error wanted.
     """
     if results.suspect:
         return tr("Next: put right what was found in the recordings, and run again.")
@@ -67,7 +67,7 @@ def next_step(results: StudyResults) -> str:
         hand = hand_of(row)
         if hand not in measured:
             plan = results.paths.plan(*hand.who)
-            measured[hand] = not plan.is_file() or read_plan(plan).hand_length_mm is not None
+            measured[hand] = not plan.is_file() or read_plan(plan).sizes_mm["hand_length_mm"] is not None
         wanted_mm = results.layouts[hand].wanted_mm
         action = _action(row, verdict.doubts_of(row), measured[hand])
         if action:
@@ -76,15 +76,15 @@ def next_step(results: StudyResults) -> str:
     if missed_mm:
         action = max(missed_mm, key=lambda each: missed_mm[each])
         joints = [*served[action]]
-        return tr("Next: {action}; it serves {joints}.", action=action, joints=joints)
+        return tr("Next: {action}; it improves {joints}.", action=action, joints=joints)
     hands = {hand_of(row) for row in doubted_joints(results)}
-    gains = [row for row in results.gains if row["model"] == results.leading and hand_of(row) in hands]
+    gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in hands]
     best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]
     return tr("Next: {action}", action=gain_lines(best)[0]) if best else ""
 
 
 def _action(row: JointCentresRow, doubts: verdict.Doubts, is_measured: bool) -> str:
-    """Return the remedy for a joint with these doubts; empty where none is known."""
+    """Return the remedy for a joint with these doubts; empty where there is none."""
     for kind, values in doubts.items():
         segments: Any = values.get("segments")
         if kind in _WORN_MORE and segments:

@@ -135,7 +135,7 @@ def css() -> str:
 
 
 def as_custom_property(colour: str) -> str:
-    """A light value as the custom property of its hue; what is no value of the palette as it is."""
+    """A light value as the custom property of its hue; other colours unchanged."""
     name = _NAMES.get(colour.lower())
     return f"var(--{name})" if name else colour
 

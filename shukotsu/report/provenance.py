@@ -28,7 +28,7 @@ def recordings_table(results: StudyResults) -> DataTable:
     for recording in results.recordings:
         status, message = results.status_of(recording)
         row = results.recording_row_of.get(recording_key(recording), {}) | recording.key
-        row |= {"file": recording.file_as_written, "role": recording.role, "message": message}
+        row |= {"file": recording.source.file_as_written, "role": recording.role, "message": message}
         rows.append(row | {"shown": STATUS_MARKS.get(status, "") + word(status)})
     columns = (
         *(text_column(texts[name], name) for name in texts if name != "session" or results.has_sessions),
@@ -70,23 +70,23 @@ _GRAVITY = ("suspect", "refused", "note")
 
 
 def all_problems(results: StudyResults) -> list[ListedFault]:
-    """Return all that is to be settled or did not go as the study asked, the gravest first.
+    """Return all findings to resolve and all requests of the study that failed, the gravest first.
 
-    Recordings that were not used for a reason that no problem tells come last, one item a reason.
+    Recordings that were not used for a reason that is not among the problems come last, one item a reason.
     """
     apart = {id(row) for row in (*results.findings, *results.accepted)}
-    others = [row for row in results.problems if id(row) not in apart]
+    others = [row for row in results.rows.problems if id(row) not in apart]
     rows = sorted(
         [*results.findings, *others],
         key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])),
     )
-    messages = {row["message"] for row in results.problems}
+    messages = {row["message"] for row in results.rows.problems}
     unused: dict[str, list[str]] = defaultdict(list)
     for recording in results.recordings:
         status, message = results.status_of(recording)
         if status != "used" and not (message and message in messages):
             unused[": ".join(filter(None, (word(status), translated(message))))].append(
-                recording.file_as_written
+                recording.source.file_as_written
             )
     listed = faults_listed(rows)
     for reason, files in unused.items():

@@ -17,6 +17,7 @@ from shukotsu.hand.posing import Skeleton
 from shukotsu.report.hand_motion import (
     MOST_FRAMES,
     HandMotion,
+    ModelledHand,
     ShownSkeleton,
     fitted_skeleton,
     hand_motion,
@@ -26,7 +27,6 @@ from shukotsu.report.hand_motion import (
 )
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import the_papers
-from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
 from shukotsu.tables.parts import Part, read_part
@@ -86,8 +86,8 @@ class RecordingResults:
 def read_recording(results: StudyResults, recording: Recording) -> RecordingResults:
     """Read what belongs to the recording, its motion thinned to MOST_FRAMES.
 
-    A model whose tables are absent, not to be read, empty or the record of a failure is left out with the
-    reason; so is all motion where the poses are.
+    A model whose tables are absent, unreadable, empty or failed is left out with the reason; likewise all
+    motion if the poses are.
     """
     row = results.recording_row_of.get(recording_key(recording), {"status": "missing", "message": ""})
     models: dict[str, ModelResults] = {}
@@ -191,9 +191,7 @@ def _reader(results: StudyResults, recording: Recording, model: str) -> Recordin
         results.models[model],
         Part(hand.hand, model, "", *hand.who),
         results.poses(recording),
-        lambda name: (
-            results.fit_table(hand, model, name) if name in FIT_TABLES else results.subject_table(hand, name)
-        ),
+        lambda name: results.subject_table(hand, name, model),
     )
 
 
@@ -212,7 +210,9 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
     path = results.subject_table(hand, JOINT_SOLUTIONS.name)
     solutions = read_part(path, JOINT_SOLUTIONS, part, ["joint", "singular_values"]).to_pylist()
     errors = [
-        row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
+        row
+        for row in results.rows.tip_errors
+        if row_key(row) == recording_key(recording) and row["model"] == name
     ]
     angles = None
     if reader.is_fitted:
@@ -240,8 +240,9 @@ def _skeleton(
                 raise  # a fitted hand is posed, and shown, without a replay too
     nothing = np.full((len(poses.frame), 1), np.nan)
     replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
+    modelled = ModelledHand(layout, model, model_index, joints, replayed)
     if reader.is_fitted:
         bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
         worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-        return fitted_skeleton(layout, model, model_index, joints, worn, bones, replayed)
-    return receiver_skeleton(layout, model, model_index, joints, replayed, poses)
+        return fitted_skeleton(modelled, worn, bones)
+    return receiver_skeleton(modelled, poses)

@@ -39,6 +39,7 @@ from shukotsu.report.table_cells import (
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.study import Recording
 from shukotsu.tables.subjects import SubjectSession
+from shukotsu.tables.typed_table import key_of
 from shukotsu.translation import N_, listed, ngettext, tr, translated, word
 
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ class SkeletonLabel(NamedTuple):
     reference: bool
 
 
+_OF_TRIAL = ("subject", "session", "task", "trial")
+
 Scored = tuple[SkeletonLabel, list[Mapping[str, Any]]]
 
 
@@ -78,21 +81,11 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
 
     Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
     """
-    groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
     wanted = (*trial.who, trial.task, trial.trial)
-    for row in sorted(results.scores, key=lambda row: bool(row["hand"] != "right")):
-        if tuple(row[name] for name in ("subject", "session", "task", "trial")) != wanted:
-            continue
-        groups[SkeletonLabel(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(
-            row
-        )
-    if not groups:
+    rows = [row for row in results.rows.skeleton_scores if key_of(row, _OF_TRIAL) == wanted]
+    scored = _scored(results, sorted(rows, key=lambda row: bool(row["hand"] != "right")))
+    if not scored:
         return None
-    order = {name: index for index, name in enumerate(results.models)}
-    scored = sorted(
-        groups.items(),
-        key=lambda each: (each[0].reference, not each[0].held_out, order.get(each[0].model, len(order))),
-    )
     names = [name for name in MEANS if any(_is_known(name, row) for _, rows in scored for row in rows)]
     columns = (
         PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
@@ -111,6 +104,21 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
         _blocks(scored),
         notes=_shortfalls(results, trial, scored, names),
         source="skeleton_scores",
+    )
+
+
+def _scored(results: StudyResults, rows: Iterable[Mapping[str, Any]]) -> list[Scored]:
+    """Return the rows of each skeleton: held-out ones, in-sample ones, references, in the study's order."""
+    order = {name: index for index, name in enumerate(results.models)}
+    groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
+    for row in rows:
+        model = row["model"]
+        reference = row.get("reference", model not in order)
+        label = SkeletonLabel(model, row["calibrated_on"], row.get("held_out", False), reference)
+        groups[label].append(row)
+    return sorted(
+        groups.items(),
+        key=lambda each: (each[0].reference, not each[0].held_out, order.get(each[0].model, len(order))),
     )
 
 
@@ -159,18 +167,9 @@ def _shortfalls(
 
 def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
-    order = {name: index for index, name in enumerate(results.models)}
-    groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
-    for row in results.joint_errors:
-        if hand_of(row).who == who:
-            model = row["model"]
-            skeleton = SkeletonLabel(
-                model, row["calibrated_on"], held_out=False, reference=model not in order
-            )
-            groups[skeleton].append(row)
-    if not groups:
+    scored = _scored(results, (row for row in results.rows.joint_errors if hand_of(row).who == who))
+    if not scored:
         return None
-    scored = sorted(groups.items(), key=lambda each: order.get(each[0].model, len(order)))
 
     def quantile(title: str, share: float, name: str = "error_mm") -> PageColumn:
         def cell(each: Scored) -> str:

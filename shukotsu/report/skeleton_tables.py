@@ -90,7 +90,7 @@ _KNOWN_TWICE = {
 
 def agreement_notes(results: StudyResults, model: str) -> tuple[str, ...]:
     """Say how far bones that are known twice differ, over what was expected, and what that cannot show."""
-    times = times_expected(row for row in results.agreement if row["model"] == model)
+    times = times_expected(row for row in results.rows.agreement if row["model"] == model)
     notes = [tr(_KNOWN_TWICE[across], times=number(t, 1), n=n) for across, (t, n) in times.items()]
     if notes:
         notes.append(

@@ -160,7 +160,7 @@ def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
 
 
 def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
-    """Return links to what stands beside the page: figures for print, tables, configuration."""
+    """Return links to the files beside the page: figures for print, tables, configuration."""
     paths = results.paths
     page, tables = paths.report, (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)
     figures = [
@@ -193,7 +193,7 @@ CLASSES_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Upper ends of the classes of colour; the last class is open."""
 MARKS = {BELIEVE: "", CARE: "◆", NO: "✕"}
 _MEDIANS_OVER = 3
-"""With more hands a row of medians stands on top."""
+"""With more hands than this the first row has their medians."""
 _FAN_DEG = {"thumb": 48.0, "index": 12.0, "middle": 2.0, "ring": -8.0, "little": -19.0}
 """Which way a digit of a right hand points from the wrist, from straight on towards the thumb."""
 _WRIST_MM, _USUAL_MM = 30.0, 25.0
@@ -216,7 +216,7 @@ class JointCell:
 
 @dataclass(frozen=True)
 class JointRow:
-    """A hand's joints in the columns' order, None where the model has no such; how many are believed."""
+    """A hand's joints in the columns' order, None where the model lacks one, and the number believed."""
 
     who: Link
     hand: str

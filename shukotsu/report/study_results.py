@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -18,11 +18,11 @@ from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.recording_summary import subject_tables
-from shukotsu.study.results import FAILED_PAGES, Results
-from shukotsu.study.study import Recording, Study
+from shukotsu.study.results import FAILED_PAGES, Results, table_in
+from shukotsu.study.study import OfRecordings, Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from shukotsu.tables.parts import Part, read_part
-from shukotsu.tables.subjects import Hand, SubjectSession, path_token
+from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import Table, key_of, read_metadata, read_table, rows_of
 from shukotsu.translation import tr
 
@@ -48,21 +48,29 @@ RowType = TypeVar("RowType", bound=Mapping[str, Any])
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
 
-_ROWS_OF = {
-    "recordings": "recording_rows",
-    "problems": "problems",
-    "joint_centres": "joints",
-    "bone_lengths": "bones",
-    "tip_errors": "tip_errors",
-    "skeleton_scores": "scores",
-    "joint_errors": "joint_errors",
-    "receivers": "receivers",
-    "gains": "gains",
-    "agreement": "agreement",
-    "model_values": "model_values",
-    "model_differences": "model_differences",
-}
-"""The tables that are read, and what StudyResults calls their rows."""
+
+@dataclass(frozen=True)
+class StudyRows:
+    """Rows of the study's tables that pages read, by table; null is None.
+
+    Those of tables that are keyed so are of whole skeletons, made without leaving out a task.
+    """
+
+    recordings: list[RecordingsRow]
+    problems: list[ProblemsRow]
+    joint_centres: list[JointCentresRow]
+    bone_lengths: list[BoneLengthsRow]
+    tip_errors: list[TipErrorsRow]
+    skeleton_scores: list[SkeletonScoresRow]
+    joint_errors: list[JointErrorsRow]
+    receivers: list[ReceiversRow]
+    gains: list[GainsRow]
+    agreement: list[AgreementRow]
+    model_values: list[ModelValuesRow]
+    model_differences: list[ModelDifferencesRow]
+
+
+TABLES_READ = [field.name for field in fields(StudyRows)]
 
 
 @dataclass(frozen=True)
@@ -89,12 +97,8 @@ def by_hand_and_model(rows: Iterable[RowType]) -> dict[HandModel, list[RowType]]
 
 
 @dataclass(frozen=True)
-class StudyResults:
-    """A study, or the part of it that is one subject's, with its results.
-
-    Rows are dictionaries by column, null as None; those of tables that are keyed so are of whole skeletons,
-    made without leaving out a task.
-    """
+class StudyResults(OfRecordings):
+    """A study, or the part of it that is one subject's, with its results."""
 
     name: str
     recordings: tuple[Recording, ...]
@@ -102,38 +106,12 @@ class StudyResults:
     paths: Results
     models: Mapping[str, SkeletonModel]
     layouts: Mapping[Hand, Layout]
-    recording_rows: list[RecordingsRow]
-    problems: list[ProblemsRow]
-    joints: list[JointCentresRow]
-    bones: list[BoneLengthsRow]
-    tip_errors: list[TipErrorsRow]
-    scores: list[SkeletonScoresRow]
-    joint_errors: list[JointErrorsRow]
-    receivers: list[ReceiversRow]
-    gains: list[GainsRow]
-    agreement: list[AgreementRow]
-    model_values: list[ModelValuesRow]
-    model_differences: list[ModelDifferencesRow]
-
-    @cached_property
-    def subjects(self) -> list[str]:
-        """Every subject, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand.subject for recording in self.recordings))
-
-    @cached_property
-    def sessions(self) -> list[SubjectSession]:
-        """Every subject in every session of theirs, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand.who for recording in self.recordings))
+    rows: StudyRows
 
     @property
     def has_sessions(self) -> bool:
         """Return whether the sheet names any session."""
         return any(who.session for who in self.sessions)
-
-    @cached_property
-    def hands(self) -> list[Hand]:
-        """Every hand, in the sheet's order."""
-        return list(dict.fromkeys(recording.hand for recording in self.recordings))
 
     @cached_property
     def shown(self) -> list[Recording]:
@@ -144,37 +122,37 @@ class StudyResults:
         """A recording's poses table."""
         return self.paths.folder / recording.hand.folder / recording.name / "poses.parquet"
 
-    def subject_table(self, hand: Hand, table: str) -> Path:
-        """A table of a hand's subject, of both hands and all models."""
-        return self.paths.subject(*hand.who) / f"{table}.parquet"
-
-    def fit_table(self, hand: Hand, model: str, table: str) -> Path:
-        """A table of a hand under a model that fits the whole hand."""
-        return self.paths.subject(*hand.who) / "fits" / hand.hand / path_token(model) / f"{table}.parquet"
+    def subject_table(self, hand: Hand, table: str, model: str = "") -> Path:
+        """A table of a hand's subject; of a fit of the whole hand that of this hand under a model."""
+        return table_in(self.paths.subject(*hand.who), table, hand.hand, model)
 
     @cached_property
     def suspect(self) -> frozenset[Hand]:
         """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
-        return frozenset(hand_of(row) for row in self.problems if row["severity"] == SUSPECT)
+        return frozenset(hand_of(row) for row in self.rows.problems if row["severity"] == SUSPECT)
 
     def counted(self, rows: list[RowType]) -> list[RowType]:
         """The rows that count in statistics: those of hands that are not suspect."""
         return [row for row in rows if hand_of(row) not in self.suspect]
 
+    def with_rows(self, **rows: list[Any]) -> StudyResults:
+        """The same with other rows of these tables."""
+        return replace(self, rows=replace(self.rows, **rows))
+
     @cached_property
     def judging(self) -> StudyResults:
         """The same without the rows of suspect hands."""
-        tables = ("joints", "bones", "tip_errors", "scores", "joint_errors")
-        counted: dict[str, Any] = {name: self.counted(getattr(self, name)) for name in tables}
-        return replace(self, **counted)
+        tables = ("joint_centres", "bone_lengths", "tip_errors", "skeleton_scores", "joint_errors")
+        counted: dict[str, Any] = {name: self.counted(getattr(self.rows, name)) for name in tables}
+        return self.with_rows(**counted)
 
     @cached_property
     def findings(self) -> list[ProblemsRow]:
-        """Problems with recordings: what is wrong, lost or left out in them, notes apart."""
+        """Problems of recordings: faults, losses and omissions, without notes."""
         stages = (STAGE, "capture")
         return [
             row
-            for row in self.problems
+            for row in self.rows.problems
             if row["severity"] == SUSPECT or (row["severity"] == REFUSED and row["stage"] in stages)
         ]
 
@@ -186,7 +164,7 @@ class StudyResults:
     @cached_property
     def accepted(self) -> list[ProblemsRow]:
         """Findings that the recordings sheet gives a reason for."""
-        return [row for row in self.problems if row["accepted"]]
+        return [row for row in self.rows.problems if row["accepted"]]
 
     def hand_rows(self, table: Table, hand: Hand, model: str = "") -> list[Any]:
         """Rows of a hand, under a model, of a subject's short table; none where there are none to read."""
@@ -198,27 +176,27 @@ class StudyResults:
 
     def add_problem(self, stage: str, message: str, task: str = "") -> None:
         """Add what went wrong while the page is made, before its problems are asked for."""
-        self.problems.append(_problem(SubjectSession(""), stage, message, task=task))
+        self.rows.problems.append(_problem(SubjectSession(""), stage, message, task=task))
 
     @cached_property
     def joints_of(self) -> dict[HandModel, list[JointCentresRow]]:
         """Rows of joints by hand and model."""
-        return by_hand_and_model(self.joints)
+        return by_hand_and_model(self.rows.joint_centres)
 
     @cached_property
     def bones_of(self) -> dict[HandModel, list[BoneLengthsRow]]:
         """Rows of bones by hand and model."""
-        return by_hand_and_model(self.bones)
+        return by_hand_and_model(self.rows.bone_lengths)
 
     @cached_property
     def receivers_of(self) -> dict[HandModel, list[ReceiversRow]]:
         """Rows of receivers by hand and model."""
-        return by_hand_and_model(self.receivers)
+        return by_hand_and_model(self.rows.receivers)
 
     @cached_property
     def gains_of(self) -> dict[HandModel, list[GainsRow]]:
         """Rows of gains by hand and model."""
-        return by_hand_and_model(self.gains)
+        return by_hand_and_model(self.rows.gains)
 
     @property
     def fitted(self) -> list[str]:
@@ -233,12 +211,12 @@ class StudyResults:
     @cached_property
     def _tip_error_of(self) -> dict[tuple[str, ...], TipErrorsRow]:
         key = [name for name in TIP_ERRORS.key if name != "made_without"]
-        return {key_of(row, key): row for row in self.tip_errors}
+        return {key_of(row, key): row for row in self.rows.tip_errors}
 
     @cached_property
     def recording_row_of(self) -> dict[tuple[str, ...], RecordingsRow]:
         """Rows of the recordings table by subject, session, hand, task and trial."""
-        return {row_key(row): row for row in self.recording_rows}
+        return {row_key(row): row for row in self.rows.recordings}
 
     def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> TipErrorsRow | None:
         """The row of tip_errors for one cell group; None where the table has none."""
@@ -299,9 +277,9 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     paths = Results(folder)
     failures: list[ProblemsRow] = []
     rows: dict[str, Any] = {
-        name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF
+        name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in TABLES_READ
     }
-    rows["problems"] += [*failures, *_failed_exports(study, paths), *_failed_pages(study, paths)]
+    rows["problems"] += [*failures, *_failed_files(study, paths)]
     return StudyResults(
         name=study.name,
         recordings=study.recordings,
@@ -309,7 +287,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
         layouts={hand: study.judged_layout(hand) for hand in study.hands},
-        **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
+        rows=StudyRows(**rows),
     )
 
 
@@ -319,33 +297,27 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     Raises InputError where a table is absent or another one; a part that failed is among the problems.
     """
     gathered = subject_tables(plan)
-    rows: dict[str, Any] = {"recordings": gathered.recordings, "problems": gathered.problems}
-    for name in _ROWS_OF:
-        if name in gathered.tables:
-            rows[name] = list(rows_of(gathered.tables[name].select(_columns_shown(TABLES[name]))))
+    rows: dict[str, Any] = {name: [] for name in TABLES_READ}
+    rows |= {"recordings": gathered.recordings, "problems": gathered.problems}
+    for name in rows.keys() & gathered.tables.keys():
+        rows[name] = list(rows_of(gathered.tables[name].select(_columns_shown(TABLES[name]))))
     return StudyResults(
         name=plan.study,
         recordings=plan.recordings,
-        simulated=any(plan.truth(recording) is not None for recording in plan.recordings),
+        simulated=any(recording.truth is not None for recording in plan.recordings),
         paths=Results(plan.folder.parent),
         models=plan.models,
         layouts={plan.hand(hand): layout for hand, layout in plan.layouts.items()},
-        **{attribute: rows.get(name, []) for name, attribute in _ROWS_OF.items()},
+        rows=StudyRows(**rows),
     )
 
 
-def _failed_exports(study: Study, paths: Results) -> list[ProblemsRow]:
-    """List what the export stage could not write, and why."""
-    files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
-    return [
-        _problem(SubjectSession(""), "export", message, task=file.name.removesuffix(".failed.txt"))
-        for file in files
-        for message in file.read_text("utf-8").splitlines()
-    ]
-
-
-def _failed_pages(study: Study, paths: Results) -> Iterator[ProblemsRow]:
-    """Pages of subjects that could not be made, and why."""
+def _failed_files(study: Study, paths: Results) -> Iterator[ProblemsRow]:
+    """Report exports, then pages of subjects, that could not be made, and why."""
+    for file in sorted(paths.exports.glob("*.failed.txt")) if study.exports else ():
+        for message in file.read_text("utf-8").splitlines():
+            task = file.name.removesuffix(".failed.txt")
+            yield _problem(SubjectSession(""), "export", message, task=task)
     for who in study.sessions:
         file = paths.subject_pages(*who) / FAILED_PAGES
         for line in file.read_text("utf-8").splitlines() if file.is_file() else ():

@@ -41,7 +41,7 @@ from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded, link
 from shukotsu.report.templates import check_language, languages, render, speaking
-from shukotsu.study.plan import plan_of_results
+from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.results import FAILED_PAGES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import RANGES_OF_MOTION
@@ -53,8 +53,8 @@ from shukotsu.translation import tr, translated
 def render_subject(results: StudyResults) -> str:
     """Return the page of the one subject that `results` is of; the same results give the same text.
 
-    Its only link to other subjects is that to the study's page: were they named here, one subject more
-    would make the others' pages anew.
+    Its only link to other subjects is that to the study's page: if they were named here, adding a subject
+    would change the others' pages.
     """
     (who,) = results.sessions
     hands, page = results.hands_of(*who), results.paths.subject_page(*who)
@@ -165,12 +165,8 @@ def write_pages(arguments: argparse.Namespace) -> None:
     check_language(arguments.language, "--language")
     results = read_subject(plan_of_results(arguments.plan))
     with speaking(arguments.language):
-        pages: dict[Path, Page] = {}
-        if not arguments.recording:
-            pages[Path("subject.html")] = partial(render_subject, results), render_failure
-        for recording in (
-            [_select_recording(results, *arguments.recording)] if arguments.recording else results.shown
-        ):
+        pages: dict[Path, Page] = {Path("subject.html"): (partial(render_subject, results), render_failure)}
+        for recording in results.shown:
             pages[_page(recording)] = (
                 partial(_recording_page, results, recording),
                 partial(failure_page, recording_title(recording)),
@@ -183,8 +179,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
             for message in messages:
                 write_text(arguments.out / page, say_why(message))
                 failures.append(f"{page.as_posix()}: {message}")
-    if not arguments.recording:
-        _write_failures(arguments.out, failures)
+    _write_failures(arguments.out, failures)
 
 
 def _page(recording: Recording) -> Path:
@@ -198,16 +193,6 @@ def _write_failures(folder: Path, failures: Sequence[str]) -> None:
         write_text(folder / FAILED_PAGES, "".join(f"{line}\n" for line in failures))
     else:
         (folder / FAILED_PAGES).unlink(missing_ok=True)
-
-
-def _select_recording(results: StudyResults, hand: str, name: str) -> Recording:
-    for recording in results.shown:
-        if (recording.hand.hand, recording.name) == (hand, name):
-            return recording
-    expected = ", ".join(f"{recording.hand.hand} {recording.name}" for recording in results.shown)
-    raise InputError(
-        f"--recording {hand} {name}: is none of this subject's; expected one of: {expected or 'none'}"
-    )
 
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:

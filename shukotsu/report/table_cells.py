@@ -66,11 +66,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 
 MEANINGS: Mapping[str, str] = {
-    "sd_mm": N_("1-sigma error of the joint's centre in three dimensions, with what skin leaves open"),
-    "range_deg": N_("how far the joint turned in the calibration; below 10 deg its place is hardly known"),
+    "sd_mm": N_("1-sigma error of the joint's centre in three dimensions, including skin motion"),
+    "range_deg": N_("how far the joint turned in the calibration; below 10 deg its position is hardly known"),
     "gap_rms_mm": N_("distance between the centres that the receivers on its two sides give the joint"),
     "gap_rms_free_mm": N_(
-        "the gap of the best fit without plane or correction; far below the gap, these moved the joint"
+        "the gap of the best fit without plane or correction; if far below the gap, these moved the joint"
     ),
     "axis_plane_deg": N_("angle of the axis to the plane that cuts it; near 0 the centre may slide along it"),
     "correction_mm": N_("how far the centre was moved by hand"),
@@ -79,13 +79,15 @@ MEANINGS: Mapping[str, str] = {
     "left_out_mean_mm": N_(
         "how far a fingertip receiver, hidden from the fit, is from where the others put it"
     ),
-    "wrist_mcp_sd_mm": N_("how much the length from wrist to knuckle varies; a true skeleton keeps it still"),
-    "n_effective": N_("how many independent frames the recording is worth for this joint"),
-    "residual_mm": N_("what is left between a receiver's measured and fitted place"),
-    "residual_deg": N_("what is left between a receiver's measured and fitted turn"),
+    "wrist_mcp_sd_mm": N_(
+        "how much the length from wrist to knuckle varies; the true skeleton's is constant"
+    ),
+    "n_effective": N_("number of independent frames that the recording provides for this joint"),
+    "residual_mm": N_("distance between a receiver's measured and fitted position"),
+    "residual_deg": N_("angle between a receiver's measured and fitted orientation"),
 }
 _TERMS: Mapping[str, str] = {
-    "prior-only": N_("the hand that anatomy expects before any recording; data must improve on it"),
+    "prior-only": N_("the average hand, before any recording; a skeleton must beat it"),
     "distal-receiver": N_("the fingertip taken where its receiver sits; a skeleton must beat it"),
     "true-skeleton": N_("the true skeleton of the simulated hand: what skin and tracker alone cost"),
     N_("Held out"): N_("whether the skeleton was made without the task it is scored on; compare these rows"),
@@ -261,7 +263,7 @@ def title(name: str) -> str:
 
 
 class Link(NamedTuple):
-    """Words and where they lead, relative to the page that they stand on."""
+    """A link's text and target, relative to its page."""
 
     words: str
     href: str

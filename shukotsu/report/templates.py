@@ -50,7 +50,7 @@ SCRIPT_TEXTS = {
 
 
 def coded(text: object) -> Markup:
-    """Text, escaped, with what stands between backticks as code."""
+    """Escaped text, with text in backticks as code elements."""
     escaped = escape(text)
     return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escaped))) if "`" in escaped else escaped
 
@@ -119,7 +119,7 @@ def translations_of(code: str) -> gettext.NullTranslations:
 
 
 def speaking(code: str) -> AbstractContextManager[None]:
-    """Return the context in which everything is said in a language."""
+    """Return the context in which all text is in a language."""
     return translating(code, translations_of(code))
 
 
@@ -136,5 +136,5 @@ def typeset(page: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return text without marks of what stays English, for where no element can stand."""
+    """Return text without the marks of English passages, for places where no element is possible."""
     return text.replace(FOREIGN, "").replace(END, "")

@@ -81,8 +81,8 @@ def agreement(plans: Iterable[SubjectPlan]) -> list[AgreementRow]:
         for (hand, model, made_without, bone), rows in pulls.items():
             if not doubted(hand):
                 used = [recording.name for recording in plan.calibrating(hand, model, made_without)]
-                estimate = Estimate.of(rows, plan.session, hand, used, is_whole=not made_without)
-                estimates[plan.subject, model, bone].append(estimate)
+                estimate = Estimate.of(rows, plan.who.session, hand, used, is_whole=not made_without)
+                estimates[plan.who.subject, model, bone].append(estimate)
     return [
         {"subject": subject, "model": model, "bone": bone, **pair}
         for (subject, model, bone), each in estimates.items()

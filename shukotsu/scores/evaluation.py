@@ -127,7 +127,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
         layout,
         read_model(REFERENCE) if reference else plan.models[part.model],
         part,
-        plan.poses_files[any_recording],
+        plan.poses(any_recording),
         lambda name: plan.table(_OF_A_FIT.get(name, name) if reference else name, hand, part.model),
         opened,
     )
@@ -554,9 +554,9 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
     """Truths of a hand's recordings; a missing folder is noted and costs only the columns that need it."""
     truths = {}
     for recording in plan.recordings_of(hand, "calibration", "evaluation", "both"):
-        folder = plan.truth(recording)
+        folder = recording.truth
         if folder is not None and folder.is_dir():
-            name = RecordingName(plan.subject, hand, recording.task, recording.trial, plan.session)
+            name = RecordingName(plan.who.subject, *recording.key_in_session, plan.who.session)
             truths[recording] = read_truth(folder, name)
         elif folder is not None:
             print(f"note: no truth: {folder}: no such folder", file=sys.stderr)

@@ -160,9 +160,9 @@ def _check_nesting(text: str) -> None:
 
 
 def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
-    """Return the number of values in a node, an alias counted as what it stands for.
+    """Return the number of values in a node, with aliases expanded.
 
-    Raises YAMLError where they are too many, or where an alias stands for what holds it.
+    Raises YAMLError where they are too many, or where an alias contains itself.
     """
     if id(node) in counted:
         return counted[id(node)]
@@ -261,7 +261,7 @@ _IN_WORDS = {
 
 
 def _sentence(error: Any) -> str:
-    """Return what an error of jsonschema means, with its key, what is there and what was expected."""
+    """Explain an error of jsonschema: its key, the value there, and what was expected."""
     path, instance, rule, value = error.absolute_path, error.instance, error.validator, error.validator_value
     text = repr(instance) if isinstance(instance, str) else json.dumps(instance, default=str)
     actual = "is empty" if instance is None else f"is {shorten(text, 100)}"

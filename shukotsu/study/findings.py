@@ -1,7 +1,7 @@
 """Findings: contradictions between a recording's declared properties and its poses; sentences are made on
 display.
 
-Kinds stand in `mistakes.yaml`, sentences by kind and variant in `finding_sentences.yaml`.
+Kinds are explained in `mistakes.yaml`; sentences by kind and variant are in `finding_sentences.yaml`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import yaml
@@ -29,8 +28,6 @@ STAGE = "check_recordings"
 LEAST_LOST = 2.0
 """Percent of a receiver's poses in a recording; fewer that are left out change no number that is shown."""
 
-"""A row of the problems table, or of the findings table."""
-
 Values = Mapping[str, Any]
 """By name: numbers, words, or lists of them, as JSON has them."""
 
@@ -46,7 +43,7 @@ PROBLEMS: Mapping[str, str | list[str]] = _SENTENCES["problems"]
 def extracted(
     file: BinaryIO, *_: object, **__: object
 ) -> Iterator[tuple[int, str | None, str | list[str], list[str]]]:
-    """Yield what is to be translated of `finding_sentences.yaml`, as Babel asks of an extractor."""
+    """Yield the messages of `finding_sentences.yaml` to translate; an extractor for Babel."""
     content = yaml.load(file, yaml.CBaseLoader)
     texts = [text for mistake in content["mistakes"].values() for text in mistake.values()]
     for text in (*texts, *content["evidence"].values(), content["effect"], *content["problems"].values()):
@@ -78,8 +75,8 @@ class Finding:
 
     @property
     def message(self) -> str:
-        """The sentence: of a mistake what is seen, what shows it, what to do and why it may stand; another's
-        by its kind, or the text in its values.
+        """The sentence: of a mistake its description, evidence, cure and the reason to accept it; of others
+        by kind, or the text in its values.
         """
         if self.key in MISTAKES:
             return self.with_cure(f"{self.what} ({self.evidence})" if self.evidence else self.what)
@@ -90,7 +87,7 @@ class Finding:
         return segment + foreign(str(self.values.get("text", "")))
 
     def with_cure(self, what: str) -> str:
-        """Join what is seen of a mistake and its cure in a sentence; without `what` the cure alone."""
+        """Join the description of a mistake and its cure in a sentence; without `what` the cure alone."""
         cure = self.cure
         text = tr("{what}; {cure}", what=what, cure=cure) if what else cure[0].upper() + cure[1:]
         text = tr("{text}.", text=text)
@@ -100,7 +97,7 @@ class Finding:
 
     @property
     def what(self) -> str:
-        """What is seen of a mistake and what it probably is, as a sentence begins."""
+        """The description of a mistake and its probable cause, with a capital first letter."""
         what = MISTAKES[self.key]["what"]
         text = tr(what, **_placeholders(self.values))
         return text[0].upper() + text[1:]
@@ -129,6 +126,11 @@ class Finding:
         return "; ".join(evidence)
 
     @property
+    def line(self) -> str:
+        """The finding as one line for a terminal, with text to type in quotes."""
+        return f"{self.severity}: {self.kind}: {in_quotes(self.message)}"
+
+    @property
     def columns(self) -> dict[str, str]:
         """Columns of a table's row; values as JSON, empty where there is none."""
         return {
@@ -141,7 +143,7 @@ class Finding:
         }
 
     def accept(self, reason: str) -> Finding:
-        """Return the finding as a study that gives a reason has it: a suspect one becomes a note."""
+        """Return the finding as accepted by the study with that reason: a suspect one becomes a note."""
         if not reason or self.severity != SUSPECT:
             return self
         return replace(self, severity=NOTE, accepted=reason)
@@ -209,22 +211,6 @@ def values_of(text: str) -> Values:
     return dict(json.loads(text)) if text else {}
 
 
-@dataclass(frozen=True)
-class Kind:
-    """What a kind of finding means, what usually causes it, and what cures it."""
-
-    meaning: str
-    cause: str
-    cure: str
-
-
-@cache
-def kinds() -> dict[str, Kind]:
-    """Return every kind of mistake, from `mistakes.yaml`."""
-    content = yaml.load((ROOT / "schemas" / "mistakes.yaml").read_bytes(), yaml.CBaseLoader)
-    return {name: Kind(**texts) for name, texts in content.items()}
-
-
 def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Finding:
     """Return that the poses are those of another recording; subject : where it is another's, or session's."""
     other = {"subject": subject, "session": session, "hand": hand, "task": task}
@@ -249,7 +235,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault. text : what is wrong and what to do, and where it is accepted why."""
+    """A fault. text : what is wrong, what to do, and why it is accepted, if it is."""
 
     severity: str
     accepted: str
@@ -285,7 +271,7 @@ def _fault(rows: list[ProblemsRow]) -> Fault:
 
 
 def in_quotes(text: str) -> str:
-    """Return text for a terminal: what is to be written stands in quotes, not in backticks."""
+    """Return text for a terminal, with quotes instead of backticks."""
     return text.replace("`", '"')
 
 

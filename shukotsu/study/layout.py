@@ -22,8 +22,8 @@ from shukotsu.tables.whole_files import file_state
 Vector = tuple[float, float, float]
 
 FINGER_MM, ARM_MM = 2.0, 10.0
-"""What is asked of a joint's centre where nobody says: of a hand a fifth of a finger's thickness; of thicker
-limbs, whose skin moves by centimetres, as much of an arm's.
+"""Default error wanted of a joint's centre: for a hand a fifth of a finger's thickness; for thicker limbs,
+whose skin moves by centimetres, the same share of an arm's.
 """
 FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
 

@@ -55,8 +55,8 @@ class MetacarpalPosing:
 class SkeletonModel:
     """One model file, read and checked: its groups, each with the keys of `json/model.schema.json`.
 
-    A stage takes its group as a whole, so that no key of it can be left behind. fitting : None where the
-    joints are not fitted as a whole hand.
+    A stage takes its group as a whole, so that no key is forgotten. fitting : None where the joints are not
+    fitted as a whole hand.
     """
 
     name: str

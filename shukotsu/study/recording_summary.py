@@ -25,7 +25,7 @@ from shukotsu.study.findings import (
     title_of,
 )
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.results import GATHERED_TABLES
+from shukotsu.study.results import GATHERED_TABLES, SUBJECT_TABLES
 from shukotsu.study.study import Recording
 from shukotsu.study.verdict import TOO_CLOSE, doubts_of
 from shukotsu.tables.catalogue import (
@@ -52,7 +52,7 @@ from shukotsu.tables.typed_table import (
 )
 
 if TYPE_CHECKING:
-    from shukotsu.tables.rows import ClocksRow, MovedReceiversRow, ProblemsRow, ReceiversRow, RecordingsRow
+    from shukotsu.tables.rows import ProblemsRow, ReceiversRow, RecordingsRow
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class SubjectTables:
 
 
 def subject_tables(plan: SubjectPlan) -> SubjectTables:
-    """Read what a study gathers of one subject, and name what is wrong; TableError where a table is damaged.
+    """Read one subject's part of the study's tables, and its problems; TableError where a table is damaged.
 
     A recording that a finding refuses is not called used.
     """
@@ -90,7 +90,8 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
         CLOCKS.name: _clock_problems,
         JOINT_CENTRES.name: _joint_problems,
     }
-    for name, stage in GATHERED_TABLES.items():
+    for name in GATHERED_TABLES:
+        stage = SUBJECT_TABLES.get(name, "fit_hand")
         table, parts = TABLES[name], [TABLES[name].arrow_schema({}).remove_metadata().empty_table()]
         for file in plan.files_of(name):
             rows = read_table(file, table)
@@ -124,7 +125,7 @@ OF_A_MODEL = ("subject", "session", "hand", "model")
 
 
 Accepted = Mapping[tuple[str, str], str]
-"""By hand and recording, the reason of a study that lets its suspect findings stand."""
+"""By hand and recording, the study's reason for accepting suspect findings."""
 
 
 def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
@@ -145,33 +146,29 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Problems
         severity = severity_of_loss(100 * (row["left_out_share"] or 0.0))
         finding = Finding(RECEIVER_KINDS[row["loose_kind"]], severity, "", values)
         finding = finding.accept(accepted.get((row["hand"], row["loose_task"]), ""))
-        problems.append(problem_row("fit_hand", finding, **_hand_of(row)))
+        problems.append(_problem_of_hand(row, finding))
     for rows in in_field.values():
         values = _field_values(rows)
         finding = Finding("field-disturbed", severity_of_loss(values["percent"]), "", values)
         finding = finding.accept(
             next((r for (hand, _), r in accepted.items() if r and hand == rows[0]["hand"]), "")
         )
-        problems.append(problem_row("fit_hand", finding, **_hand_of(rows[0])))
+        problems.append(_problem_of_hand(rows[0], finding))
     return problems
 
 
 def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
     """Receivers that sit elsewhere in a recording than in the calibration, whose frames there are lost."""
     return [
-        _of_recording(
-            "fit_hand", moved_finding(row).accept(accepted.get((row["hand"], title_of(row)), "")), row
-        )
+        _problem_of_hand(row, moved_finding(row).accept(accepted.get((row["hand"], title_of(row)), "")))
         for row in rows_of(moved)
     ]
 
 
-def _of_recording(stage: str, finding: Finding, row: MovedReceiversRow | ClocksRow) -> ProblemsRow:
-    return problem_row(stage, finding, **_hand_of(row), task=title_of(row))
-
-
-def _hand_of(row: Mapping[str, Any]) -> dict[str, str]:
-    return {key: row[key] for key in ("subject", "session", "hand")}
+def _problem_of_hand(row: Mapping[str, Any], finding: Finding, stage: str = "fit_hand") -> ProblemsRow:
+    """Return a problem of the hand that a row is of, and of its recording where it has one."""
+    keys = {key: row[key] for key in ("subject", "session", "hand")}
+    return problem_row(stage, finding, **keys, task=title_of(row) if "task" in row else "")
 
 
 def _field_values(rows: Sequence[ReceiversRow]) -> dict[str, Any]:
@@ -200,10 +197,12 @@ def _joint_problems(joints: pa.Table, _: Accepted) -> list[ProblemsRow]:
 
 
 def _clock_problems(clocks: pa.Table, _: Accepted) -> list[ProblemsRow]:
-    """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
-    unsure = [row for row in rows_of(clocks) if row["status"] in ("weak", "failed")]
-    findings = [finding_of_text("events", NOTE, row["message"]) for row in unsure]
-    return [_of_recording("align_events", *each) for each in zip(findings, unsure, strict=True)]
+    """Recordings whose events were not read, or whose clock is uncertain."""
+    return [
+        _problem_of_hand(row, finding_of_text("events", NOTE, row["message"]), "align_events")
+        for row in rows_of(clocks)
+        if row["status"] in ("weak", "failed")
+    ]
 
 
 def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, list[Finding]]:
@@ -213,7 +212,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, lis
     """
     row: RecordingsRow = {
         "role": recording.role,
-        "file": recording.file_as_written,
+        "file": recording.source.file_as_written,
         "status": "used",
         "n_frames": 0,
         "n_receivers": 0,

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shukotsu.tables.subjects import SubjectSession, path_token
+
 if TYPE_CHECKING:
     from shukotsu.study.study import Recording
 
@@ -46,20 +48,11 @@ SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
 TRUTH_TABLES = (*SKELETON_TABLES, "tips")
 """Tables of the truth beside a simulated recording."""
 
-GATHERED_TABLES = {
-    "joint_centres": "estimate_metacarpals",
-    "bone_lengths": "estimate_metacarpals",
-    "tip_errors": "evaluate_tips",
-    "receivers": "fit_hand",
-    "moved_receivers": "fit_hand",
-    "gains": "fit_hand",
-    "skeleton_scores": "evaluate_skeletons",
-    "joint_errors": "evaluate_skeletons",
-    "events": "align_events",
-    "clocks": "align_events",
-    **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
-}
-"""Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""
+GATHERED_TABLES = (
+    *("joint_centres", "bone_lengths", "tip_errors", "receivers", "moved_receivers", "gains"),
+    *("skeleton_scores", "joint_errors", "events", "clocks", *MEASURED_TABLES),
+)
+"""Short tables that are gathered for the study, of whole skeletons."""
 
 STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems", "agreement")
 
@@ -75,6 +68,12 @@ STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion", "c
 
 FIGURE_KINDS = ("svg", "pdf", "txt")
 """A figure's files: two of the drawing, and its caption."""
+
+
+def table_in(folder: Path, name: str, hand: str = "", model: str = "") -> Path:
+    """Return a table in its subject's folder; of a fit of the whole hand that of a hand under a model."""
+    fit = Path("fits", hand, path_token(model)) if name in FIT_TABLES else Path()
+    return folder / fit / f"{name}.parquet"
 
 
 FAILED_PAGES = "failed.txt"
@@ -109,8 +108,6 @@ class Results:
 
     def subject(self, subject: str, session: str = "") -> Path:
         """Folder of a subject's plan and tables, in one session where the sheet names any."""
-        from shukotsu.tables.subjects import SubjectSession
-
         return self.folder / f"sub-{SubjectSession(subject, session).token}"
 
     def plan(self, subject: str, session: str = "") -> Path:

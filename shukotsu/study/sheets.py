@@ -201,13 +201,13 @@ def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) 
 
 
 def _unquoted(cell: str) -> str:
-    """Return a cell without the quotation marks that spreadsheets put round one with a comma or a quote."""
+    """Return a cell without the quotation marks that spreadsheets add around commas and quotes."""
     quoted = len(cell) > 1 and cell[0] == cell[-1] == '"'
     return cell[1:-1].replace('""', '"').strip() if quoted else cell
 
 
 def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str:
-    """Return what is wrong with a header line, in a sentence; empty where nothing is."""
+    """Describe the fault of a header line; empty where there is none."""
     columns = [cell.name for cell in sheet.cells]
     odd = [name for name in header if name and name not in columns and name not in more]
     absent = [name for name in columns if name not in header]

@@ -1,4 +1,4 @@
-"""What 95 % means of a place whose stated error is a covariance: which errors it holds, how far they reach.
+"""The 95 % region of a position whose stated error is a covariance: which errors are within, and its radius.
 
 A covariance is rarely a ball: along a hinge's axis a centre is known several times less well than across it.
 So an error is held against the covariance itself, by its Mahalanobis distance.

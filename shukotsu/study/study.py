@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -36,23 +37,35 @@ NO_LEVEL = ("", "n/a")
 
 
 @dataclass(frozen=True)
+class Source:
+    """File of a recording, as resolved and as the sheet has it, and how it is read."""
+
+    file: Path
+    file_as_written: str
+    layout: Path
+    format: str = "auto"
+    mapping: Path | None = None
+    hemisphere: str = "keep"
+
+
+@dataclass(frozen=True)
 class Recording:
-    """Row of the recordings sheet, with resolved paths. more : further columns, which are not in plans."""
+    """Row of the recordings sheet, with resolved paths.
+
+    truth : folder of the truth tables, of a simulated recording. factors : its levels of the study's factors.
+    more : further columns, which are not in plans.
+    """
 
     hand: Hand
     task: str
     trial: str
     role: str
-    file: Path
-    file_as_written: str
-    layout: Path
-    format: str
-    mapping: Path | None
-    hemisphere: str
-    exclude: str
+    source: Source
+    exclude: str = ""
     accept: str = ""
     events: Path | None = None
     pulses: str = ""
+    truth: Path | None = None
     factors: tuple[tuple[str, str], ...] = ()
     more: tuple[tuple[str, str], ...] = ()
 
@@ -66,6 +79,11 @@ class Recording:
         """Its key in tables: subject, session, hand, task, trial, in this order."""
         whose = {"subject": self.hand.subject, "session": self.hand.session, "hand": self.hand.hand}
         return {**whose, "task": self.task, "trial": self.trial}
+
+    @property
+    def key_in_session(self) -> tuple[str, str, str]:
+        """Hand, task and trial: its key within a subject's session."""
+        return self.hand.hand, self.task, self.trial
 
     @property
     def title(self) -> str:
@@ -90,8 +108,29 @@ class Simulation:
     seed: int
 
 
+class OfRecordings:
+    """Hands, subjects and sessions of recordings, in the sheet's order."""
+
+    recordings: tuple[Recording, ...]
+
+    @cached_property
+    def hands(self) -> tuple[Hand, ...]:
+        """Every hand."""
+        return tuple(dict.fromkeys(recording.hand for recording in self.recordings))
+
+    @cached_property
+    def subjects(self) -> tuple[str, ...]:
+        """Every subject."""
+        return tuple(dict.fromkeys(hand.subject for hand in self.hands))
+
+    @cached_property
+    def sessions(self) -> tuple[SubjectSession, ...]:
+        """Every session of every subject."""
+        return tuple(dict.fromkeys(hand.who for hand in self.hands))
+
+
 @dataclass(frozen=True)
-class Study:
+class Study(OfRecordings):
     """One study file with its sheets, layouts and models, read and checked."""
 
     name: str
@@ -105,27 +144,12 @@ class Study:
     config: dict[str, Any]
     unusable: tuple[UnusableRow, ...] = ()
 
-    @property
-    def hands(self) -> tuple[Hand, ...]:
-        """Every hand of the study, in the sheet's order."""
-        return tuple(self._by_hand)
-
     @cached_property
-    def _by_hand(self) -> dict[Hand, list[Recording]]:
-        hands: dict[Hand, list[Recording]] = {}
+    def _layouts_of(self) -> dict[Hand, dict[Path, None]]:
+        layouts: dict[Hand, dict[Path, None]] = defaultdict(dict)
         for recording in self.recordings:
-            hands.setdefault(recording.hand, []).append(recording)
-        return hands
-
-    @property
-    def subjects(self) -> tuple[str, ...]:
-        """Every subject of the study, in the sheet's order."""
-        return tuple(dict.fromkeys(recording.hand.subject for recording in self.recordings))
-
-    @property
-    def sessions(self) -> tuple[SubjectSession, ...]:
-        """All sessions of all subjects, in the sheet's order."""
-        return tuple(dict.fromkeys(recording.hand.who for recording in self.recordings))
+            layouts[recording.hand][recording.source.layout] = None
+        return layouts
 
     def of_session(self, subject: str, session: str = "") -> Study:
         """Return the study with only the recordings of that subject and session.
@@ -152,11 +176,11 @@ class Study:
     @property
     def shown(self) -> tuple[Recording, ...]:
         """Recordings in which tips are evaluated; each has a page in the report."""
-        return evaluated_recordings(self.recordings)
+        return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
 
     def layout_of(self, hand: Hand) -> Path:
         """Return the layout of the hand's recordings; of several, the one with most receivers."""
-        layouts = list(dict.fromkeys(recording.layout for recording in self._by_hand[hand]))
+        layouts = [*self._layouts_of[hand]]
         if len(layouts) == 1:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
@@ -167,25 +191,6 @@ class Study:
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
 
 
-def evaluated_recordings(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings in which tips are evaluated."""
-    return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
-
-
-def levels_of(
-    recordings: Iterable[Recording], participants: Iterable[Row], names: Iterable[str]
-) -> list[dict[str, str]]:
-    """Return a row for every recording: its key and its levels of all factors, empty where it has none."""
-    people = {row["subject"]: row.values for row in participants}
-    further = [name for name in names if name not in OWN_FACTORS]
-    rows = []
-    for recording in recordings:
-        values = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
-        texts = {name: "" if values.get(name) is None else str(values[name]) for name in further}
-        rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
-    return rows
-
-
 def factor_levels(study: Study) -> list[dict[str, str]]:
     """Return a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
 
@@ -193,8 +198,15 @@ def factor_levels(study: Study) -> list[dict[str, str]]:
     column of the participants or the recordings sheet. A level is text; it is empty where the recording or
     the participant has none. Raises InputError where the participants sheet cannot be read.
     """
-    participants = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
-    return levels_of(study.shown, participants, study.factors)
+    sheet = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
+    people = {row["subject"]: row.values for row in sheet}
+    further = [name for name in study.factors if name not in OWN_FACTORS]
+    rows = []
+    for recording in study.shown:
+        values = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
+        texts = {name: "" if values.get(name) is None else str(values[name]) for name in further}
+        rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
+    return rows
 
 
 def not_compared(study: Study) -> dict[str, str]:
@@ -244,15 +256,18 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
                 f"{', '.join(models)}"
             )
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
-    mapping = folder / config["mapping"] if "mapping" in config else None
-    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, config["factors"])
-    for path in {r.layout for r in recordings} | {layout}:
+    simulated = config.get("simulation")
+    simulation = (
+        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None
+    )
+    usual = Source(folder, "", layout, mapping=folder / config["mapping"] if "mapping" in config else None)
+    recordings, unusable = _recordings(sheets["recordings"], usual, config["factors"], simulation)
+    for path in {r.source.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
     rows = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
     _check_factors(config["factors"], recordings, rows["participants"], where)
     if "events" in sheets:
         _check_events(sheets["events"], rows["events"], recordings, unusable)
-    simulated = config.get("simulation")
     return Study(
         config["study"],
         recordings,
@@ -260,7 +275,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         layout,
         tuple(config["exports"]),
         settings | {"models": settings["models"] or list(models)},
-        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None,
+        simulation,
         sheets,
         config,
         unusable,
@@ -294,8 +309,8 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
 
 
 def unmatched_rows(study: Study) -> list[str]:
-    """Return, a sentence each, which rows of measurements and touches are of no hand of the study,
-    and whose names the sheet of participants and that of recordings write otherwise.
+    """Return a sentence for each row of measurements and touches that matches no hand of the study, and for
+    names that differ between the sheets of participants and recordings.
     """
     problems = [
         f"{study.sheets[name].name}: row {row.line}, {reason}; the row was not applied"
@@ -395,12 +410,17 @@ def _why_unusable(recording: Recording) -> str:
             f"of files; expected at "
             f"most {NAMES_BYTES}"
         )
-    for column in ("file", "mapping", "events"):
-        path: Path | None = getattr(recording, column)
+    source = recording.source
+    for column, path in (("file", source.file), ("mapping", source.mapping), ("events", recording.events)):
         if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
             limit = f"{FILE_NAME_BYTES} bytes, which no file's name has"
             return f"column {column}: has a part of more than {limit}"
     return ""
+
+
+def truth_folder(file: Path) -> Path:
+    """Folder of the truth tables that the simulator writes beside a recording."""
+    return file.with_name(f"{file.name.rsplit('.', 1)[0]}_truth")
 
 
 OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
@@ -408,34 +428,34 @@ OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
 
 
 def _recordings(
-    sheet: Path, folder: Path, layout: Path, mapping: Path | None, factors: Sequence[str]
+    sheet: Path, usual: Source, factors: Sequence[str], simulation: Simulation | None
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
     """Return the recordings of the sheet, and the rows that can be none.
 
-    layout, mapping : of rows that name none.
+    usual : the study's folder, and layout and mapping of rows that name none.
     """
     recordings, unusable, cells = [], [], {cell.name for cell in RECORDINGS.cells}
+    folder = usual.file
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
     units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS, factors):
-        worn = config_path(row["layout"], "layout", folder) if row["layout"] else layout
+        worn = config_path(row["layout"], "layout", folder) if row["layout"] else usual.layout
         needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
+        usual_mapping = None if needs_none else usual.mapping
+        mapping = folder / row["mapping"] if row["mapping"] else usual_mapping
+        file = folder / row["file"]
         recording = Recording(
             Hand(row["subject"], row["hand"], row["session"]),
             row["task"],
             row["trial"],
             row["role"],
-            folder / row["file"],
-            row["file"],
-            worn,
-            row["format"],
-            folder / row["mapping"] if row["mapping"] else None if needs_none else mapping,
-            row["hemisphere"],
+            Source(file, row["file"], worn, row["format"], mapping, row["hemisphere"]),
             row["exclude"],
             row["accept"],
             folder / row["events"] if row["events"] else None,
             row["pulses"],
+            truth_folder(file) if simulation is not None and file.parent == simulation.folder else None,
             tuple((name, row[name]) for name in factors if name in row.values and name not in OWN_FACTORS),
             tuple((name, text) for name, text in row.values.items() if name and name not in cells),
         )

@@ -81,7 +81,7 @@ def add_plan_options(
     alone.add_argument("--session", help="in which session (default: as the poses say)")
     alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
     for name in sizes:
-        alone.add_argument(f"--{name.replace('_', '-')}", type=float, help=_SIZES[name])
+        alone.add_argument(command_line.option_of(name), type=float, help=_SIZES[name])
     for name in sheets:
         alone.add_argument(f"--{name}", type=Path, help=f"sheet of {name}")
 
@@ -92,7 +92,7 @@ def add_tables(parser: argparse.ArgumentParser, *tables: str) -> None:
     for name in tables:
         is_of_fit = name not in _TABLES
         parser.add_argument(
-            f"--{name.replace('_', '-')}",
+            command_line.option_of(name),
             type=Path,
             nargs="*" if is_of_fit else 1,
             default=[],
@@ -109,7 +109,8 @@ def plan_of(arguments: argparse.Namespace) -> SubjectPlan:
     """
     from shukotsu.study.layout import read_layout
     from shukotsu.study.model import read_model
-    from shukotsu.study.plan import plan_of_poses, read_plan
+    from shukotsu.study.plan import NamedHand, plan_of_poses
+    from shukotsu.study.plan_file import read_plan
     from shukotsu.study.sheets import HAND_SHEETS
     from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
     from shukotsu.tables.parts import one_hand_of
@@ -125,21 +126,19 @@ def plan_of(arguments: argparse.Namespace) -> SubjectPlan:
         for name, (least, largest) in HAND_SIZES_MM.items():
             value = options.get(name)
             if value is not None and not least < value < largest:
-                option = f"--{name.replace('_', '-')}"
-                raise InputError(f"{option}: is {value:g}; expected millimetres, {least:g} to {largest:g}")
+                raise InputError(
+                    f"{command_line.option_of(name)}: is {value:g}; expected millimetres, {least:g} to "
+                    f"{largest:g}"
+                )
         whose = {name: options[name] for name in ("subject", "session", "hand")}
         if not calibration and not evaluated and (joints := next(filter(None, tables.values()), None)):
             table = JOINT_SOLUTIONS if options.get("joint_solutions") else JOINT_CENTRES
             whose = vars(one_hand_of(joints[0], table, **whose))
-        plan = plan_of_poses(
-            calibration,
-            evaluated,
-            read_layout(arguments.layout),
-            [] if arguments.model is None else [read_model(arguments.model)],
-            **whose,
-            sizes_mm={name: options.get(name) for name in _SIZES},
-            sheets={name: options.get(name) for name in HAND_SHEETS},
-        ).naming([], tables)
+        sizes_mm = {name: options.get(name) for name in _SIZES}
+        sheets = {name: options.get(name) for name in HAND_SHEETS}
+        alone = NamedHand(calibration, evaluated, **whose, sizes_mm=sizes_mm, sheets=sheets)
+        models = [] if arguments.model is None else [read_model(arguments.model)]
+        plan = plan_of_poses(alone, read_layout(arguments.layout), models).naming([], tables)
     return plan.checked(*options["findings"]) if options.get("findings") else plan
 
 
@@ -173,7 +172,7 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
         if recording.exclude:
             continue
         path, name = plan.poses(recording), recording_name(plan.poses(recording))
-        if (name.of_hand, name.task, name.trial) != (recording.hand, recording.task, recording.trial):
+        if (name.of_hand, name.task, name.trial) != (recording.hand, *recording.key_in_session[1:]):
             raise TableError(
                 f"{path}: is of {name}; expected {recording.hand}, {recording.name}; {remedy_of(path)}"
             )

@@ -3,7 +3,8 @@
 What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
 what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
 95 % radius is 1.61 (a ball) to 1.96 (a line) times sd_mm, so what is believed on a finger is within 3.2 to
-3.9 mm. A doubt is a kind and numbers; some allow no better verdict than "care" or "no", others are only told.
+3.9 mm. A doubt is a kind and numbers; some allow no better verdict than "care" or "no", others are only
+reported.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ VERDICTS = (BELIEVE, CARE, NO)
 """From good to bad."""
 
 CARE_TIMES = 3.0
-"""So many times wanted_mm a stated error may be for a centre to be of use: 95 % within 10 mm on a finger."""
+"""Largest useful stated error as a multiple of wanted_mm: 95 % within 10 mm on a finger."""
 
 WIDE_GAP_TIMES, CONTRARY_GAP_TIMES = 2.5, 5.0
-"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. A gap of so many
-times wanted_mm is one that the stated error does not know, and one that no skin makes."""
+"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. In multiples of
+wanted_mm: a gap that the stated error does not explain, and one that skin motion cannot cause."""
 
 LITTLE_RANGE_DEG = 10.0
 """Skin alone rotates receivers by some 4 deg against each other, correlated with the neighbours' motion; a
@@ -76,8 +77,8 @@ LIMITS: Mapping[str, str] = {
     **dict.fromkeys((NOT_THE_BONE, NO_ERROR), CARE),
     AXIS: BELIEVE,
 }
-"""Every kind with the best verdict that it allows; `_judge` says when it is worse. What may be the cause of
-a large error stands before that error.
+"""Every kind with the best verdict that it allows; `_judge` says when it is worse. Possible causes of a large
+error come before the error itself.
 """
 
 UNJUDGED: Any = {"verdict": "", "reason": "", "reason_values": ""}

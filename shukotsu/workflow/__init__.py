@@ -1,1 +1,1 @@
-"""Only the Snakefile needs this: a subject's plan, the digest of a command's code, the warm process."""
+"""What only the Snakefile needs: files and digests of a study, its tables, progress, the warm process."""

@@ -38,6 +38,8 @@ def recall(
     kept: Path, outputs: Collection[str], outdated: Collection[str], digests: FileDigests
 ) -> list[str]:
     """Restore lost records and times of outputs; return outputs that were changed after a run."""
+    # Snakemake 9.27 has no public way to read or write a record by its path before there are jobs: `metadata`
+    # asks for a rule's file, and `finished` records a job as it is now, which would hide what has changed.
     memory = FilePersistence()
     entries = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
     spoiled = []

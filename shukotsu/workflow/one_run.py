@@ -122,7 +122,7 @@ class FailedJobs(logging.Filter):
         was_run = log.exists() and log.stat().st_mtime >= self.began_s
         if details["indent"] and (not was_run or all(Path(path).exists() for path in details["output"])):
             return
-        why = reason(log, details["output"]) or details["rule_msg"] or "it ended without a word"
+        why = reason(log, details["output"]) or details["rule_msg"] or "it ended without an error message"
         self._print(record, f"{message}: {why}", details["log"])
 
     def _print(self, record: logging.LogRecord, sentence: str, logs: list[str]) -> None:

@@ -14,7 +14,7 @@ from typing import Any, TextIO
 from shukotsu.errors import count_of
 
 SHOWN = "SHUKOTSU_SHOWN"
-"""Environment variable by which `shukotsu run` asks for what is shown."""
+"""Environment variable by which `shukotsu run` sets what is shown."""
 PROGRESS, EVERYTHING = "progress", "everything"
 
 STAGES: Mapping[str, tuple[str, int]] = {
@@ -44,9 +44,9 @@ STAGES: Mapping[str, tuple[str, int]] = {
 }
 """By rule: what its jobs do, and the seconds that one takes in the demo, as weights of the time left."""
 TARGET = "all"
-"""The rule that only names what is to be made."""
+"""The rule that only lists the targets."""
 OF_STUDY = "the study"
-"""What the message of a job that is of no single subject says."""
+"""Message of a job that belongs to no single subject."""
 
 
 class Progress(logging.Filter):
@@ -65,7 +65,7 @@ class Progress(logging.Filter):
         self.line = ""
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether Snakemake is to show a message: one of what went wrong, but for its reports of jobs."""
+        """Return whether Snakemake shows a message: warnings and errors, except its reports of jobs."""
         event, details = str(getattr(record, "event", "")), record.__dict__
         if event == "job_info":
             self._start(details["jobid"], details["rule_name"], details["rule_msg"] or "")
@@ -80,14 +80,14 @@ class Progress(logging.Filter):
         return is_shown
 
     def close(self, logs: Iterable[str]) -> None:
-        """Take the line away; say how many jobs failed, whose reasons were shown, and where the log is."""
+        """Remove the line; print how many jobs failed and where the log is."""
         self.clear()
         if self.failed:
             failed = f"{self.failed} of {count_of(self.total, 'job')} failed, for the reasons above"
             print(f"{failed}; Snakemake's log: {', '.join(logs)}", file=self.stream, flush=True)
 
     def clear(self) -> None:
-        """Take the line away, for what stays on the terminal."""
+        """Remove the line before permanent output."""
         if self.line and self.stream.isatty():
             print("\r\033[K", end="", file=self.stream, flush=True)
         self.line = ""

@@ -2,50 +2,36 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from shukotsu.command_line import option_of
 from shukotsu.errors import InputError, list_names
 from shukotsu.hand.known_digits import known_digits, refusal
 from shukotsu.study import results
 from shukotsu.study.config_files import (
     CONFIG_FOLDER,
     REFERENCE,
-    as_yaml_1_1,
-    check_config,
-    read_config,
-    read_yaml,
-    yaml_text,
 )
-from shukotsu.study.plan import (
+from shukotsu.study.plan_file import (
     StudyPlans,
-    SubjectPlan,
     fit_part,
     plan_digest,
     plan_from_content,
     plan_text,
-    read_plan,
     recordings_part,
-    truth_folder,
 )
-from shukotsu.study.study import Recording, Study, read_study
+from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
-from shukotsu.tables.whole_files import write_text
-from shukotsu.workflow.file_digests import STAMP, FileDigests
-
-DEMO = Path("config", "demo.yaml")
-"""Study of a run that names none."""
-
-EXPORTED = ("sub-", "bids", "tables")
-"""Start of the file names of exports."""
+from shukotsu.workflow.file_digests import FileDigests
+from shukotsu.workflow.former_results import remove_former_results
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
@@ -56,7 +42,7 @@ class StudyFiles:
 
     options : say which study a job is of. subjects : plans of every subject in every session, in the sheet's
     order. simulated, streamed, simulated_truth : a simulated recording, as its tracker's raw capture, and its
-    truth tables, with wildcards; paths that nothing asks for where none is. kept : what Snakemake noted of
+    truth tables, with wildcards; unused paths where no recording is simulated. kept : what Snakemake noted of
     the results. whole_tables : study_tables, model_comparisons, movement_comparisons. figures : for print,
     and their captions. exports : the folder of everything that is exported, none where nothing is.
     export_formats : of each recording; the dataset of all is a job of its own. export_folders : of each
@@ -97,10 +83,10 @@ class StudyFiles:
         self.simulated, self.streamed = f"{recording}.parquet", f"{recording}.arrows"
         truth = truth_folder(Path(self.simulated))
         self.simulated_truth = [(truth / f"{name}.parquet").as_posix() for name in results.TRUTH_TABLES]
-        layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
+        layouts = dict.fromkeys(recording.source.layout for recording in self.study.recordings)
         files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
         self._configuration = [self.file, *map(_relative, files)]
-        mappings = dict.fromkeys(r.mapping for r in self.study.recordings if r.mapping is not None)
+        mappings = dict.fromkeys(r.source.mapping for r in self.study.recordings if r.source.mapping)
         self._mappings = [_relative(path) for path in mappings]
         for path in (*self._configuration, *([] if simulation is None else [_relative(folder)])):
             if not _can_be_declared(path):
@@ -162,7 +148,7 @@ class StudyFiles:
         """
         from shukotsu.workflow.made_from import recall  # imports Snakemake, often not needed
 
-        tables = [self.results.resolved.as_posix()] if self._changed_plans() else []
+        tables = [self.results.resolved.as_posix()] if self.changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
         spoiled: list[str] = []
         with suppress(OSError):  # Snakemake reports that the folder is not writable
@@ -172,15 +158,10 @@ class StudyFiles:
         named = [path.removeprefix(folder) for path in spoiled if path not in tables]
         return f"not as a run left them, and made anew: {list_names(named)}" if named else ""
 
-    def _changed_plans(self) -> dict[Path, str]:
+    def changed_plans(self) -> dict[Path, str]:
         """Return the new texts of plans that no longer match the study, by path."""
         texts = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
         return {path: t for path, t in texts.items() if path.is_file() and path.read_bytes() != t.encode()}
-
-    def write_changed_plans(self) -> None:
-        """Rewrite plans that no longer match the study; this is no job of Snakemake's."""
-        for path, text in self._changed_plans().items():
-            write_text(path, text)
 
     # --- of one subject -----------------------------------------------------------------------------------
 
@@ -228,7 +209,7 @@ class StudyFiles:
     def simulated_recording(self, wildcards: Wildcards) -> list[str]:
         """File of a recording that the workflow simulates."""
         recording = self._recording(wildcards)
-        return [path for path in [_relative(recording.file)] if path in self._made_for(recording)]
+        return [path for path in [_relative(recording.source.file)] if path in self._made_for(recording)]
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """Existing user files that a recording is read from, as far as Snakemake accepts their names."""
@@ -255,14 +236,15 @@ class StudyFiles:
 
     def _files_of(self, recording: Recording) -> list[str]:
         """User files that a recording is read from: its data and its mapping."""
-        mapping = [] if recording.mapping is None else [recording.mapping]
-        paths = dict.fromkeys(map(_relative, [recording.file, *mapping]))
-        return [path for path in paths if path not in self._made_for(recording)]
+        paths = filter(None, (recording.source.file, recording.source.mapping))
+        return [
+            path for path in dict.fromkeys(map(_relative, paths)) if path not in self._made_for(recording)
+        ]
 
     def _event_files(self, subject: str) -> list[str]:
         """User files that a subject's events are read from, including recordings, which may hold pulses."""
         recordings = [r for r in self._plans[subject].recordings if r.events is not None]
-        paths = [(r, _relative(path)) for r in recordings for path in (r.file, r.events) if path]
+        paths = [(r, _relative(path)) for r in recordings for path in (r.source.file, r.events) if path]
         return list(dict.fromkeys(path for r, path in paths if path not in self._made_for(r)))
 
     def import_options(self, wildcards: Wildcards) -> str:
@@ -350,7 +332,7 @@ class StudyFiles:
     def truth(self, wildcards: Wildcards) -> list[str]:
         """Truth tables of the subject's simulated recordings."""
         plan = self._plans[wildcards.subject]
-        folders = [plan.truth(recording) for recording in plan.recordings if not recording.exclude]
+        folders = [recording.truth for recording in plan.recordings if not recording.exclude]
         paths = [folder / f"{name}.parquet" for folder in folders if folder for name in results.TRUTH_TABLES]
         return [_relative(path) for path in paths]
 
@@ -366,31 +348,17 @@ class StudyFiles:
         """Digest of the plans of all subjects."""
         return plan_digest(self._contents)
 
-    def gathered(self, _: Wildcards = None) -> list[str]:
-        """Tables of all subjects from which the study's tables are made."""
-        tables = [
-            str(path)
-            for plan in self._plans.values()
-            for table in ("findings", "joint_solutions", "projected_joints", *results.GATHERED_TABLES)
-            for path in plan.files_of(table)
-        ]
-        return [*dict.fromkeys([*tables, *self._of_all(self.fit_tables)])]
-
     @property
     def tables(self) -> list[str]:
         """Every table of every subject."""
-        kinds = (self.poses, self.subject_tables)
-        return [path for each in kinds for path in self._of_all(each)]
+        return [*self._of_all(self.poses), *self._of_all(self.subject_tables)]
 
-    def all_poses(self, _: Wildcards = None) -> list[str]:
-        """Poses of all subjects."""
-        return self._of_all(self.poses)
-
-    def exported(self, _: Wildcards = None) -> list[str]:
+    @property
+    def exported(self) -> list[str]:
         """Tables of all subjects from which exports are made."""
         names = ("findings", *results.SKELETON_TABLES)
-        tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
-        return [*self.all_poses(), *tables, *self._of_all(self.fit_tables)]
+        tables = [str(plan.table(name)) for plan in self.subjects for name in names]
+        return [*self._of_all(self.poses), *tables, *self._of_all(self.fit_tables)]
 
     def _of_all(self, files: Callable[[Wildcards], list[str]]) -> list[str]:
         return [path for token in self._plans for path in files(SimpleNamespace(subject=token))]
@@ -410,7 +378,7 @@ class StudyFiles:
         """Options of the export command that the study file sets."""
         settings = self.study.export_settings | {"models": ",".join(self.study.export_settings["models"])}
         chosen = {name: value for name, value in settings.items() if value not in ("", None)}
-        return shlex.join(f"--{name.replace('_', '-')}={value}" for name, value in chosen.items())
+        return shlex.join(f"{option_of(name)}={value}" for name, value in chosen.items())
 
     @property
     def participants(self) -> str:
@@ -426,97 +394,17 @@ class StudyFiles:
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
 
 
-def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
-    """Remove results of subjects, recordings, models and exports that no longer belong to the study.
-
-    Return the folders of these subjects and exports. A subject's results are those that the plan beside them
-    lists; exports are known by their names; other files are not touched. present : outputs of the present
-    rules.
-    """
-    exports = [
-        f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
-    ]
-    folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
-    for path in sorted(paths.folder.glob("sub-*/plan.json")):
-        plan = None
-        with suppress(InputError):  # a damaged plan does not tell what was made
-            plan = read_plan(path)
-        if plan is None or plan.folder != path.parent:
-            continue
-        files = [file for file in _files_of_subject(plan, paths, present) if file.as_posix() not in present]
-        folders += [plan.folder.name] if _remove(files, paths.folder) else []
-    return folders
-
-
-def _remove(files: Iterable[Path], top: Path) -> bool:
-    """Remove those of the files that exist, and folders below `top` that are then empty."""
-    removed = [file for file in files if file.is_file()]
-    for file in removed:
-        file.unlink()
-        with suppress(OSError):  # the first folder that is not empty
-            for folder in file.parents:
-                if folder == top:
-                    break
-                folder.rmdir()
-    return bool(removed)
-
-
-def _exported(folder: Path) -> Iterator[Path]:
-    """Exported files in a folder."""
-    yield from (f for f in sorted(folder.rglob("*")) if f.relative_to(folder).parts[0].startswith(EXPORTED))
-    yield folder / STAMP
-
-
-def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
-    """Paths of all results of a subject, according to its plan."""
-    yield plan.folder / "plan.json"
-    yield from plan.poses_files.values()
-    yield from (plan.table(name) for name in results.SUBJECT_TABLES)
-    for model in (*plan.fitted_models, REFERENCE):
-        yield from (plan.fit_table(hand, model, name) for hand in plan.hands for name in results.FIT_TABLES)
-    pages, exports = paths.subject_pages(*plan.who), paths.subject_exports(*plan.who)
-    if pages.as_posix() not in present:
-        yield from (paths.recording_page(recording) for recording in plan.recordings)
-        yield from (paths.subject_page(*plan.who), pages / results.FAILED_PAGES, pages / STAMP)
-    if exports.as_posix() not in present:
-        yield from _exported(exports)
-
-
-def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:
-    """The file that describes the study: Snakemake's --configfile, or the demo's in this folder.
-
-    is_module : of a module of another workflow, whose keys are a study: that of one of the files, or written
-    to a file of this folder. Raises InputError where there are several files, or where --config would change
-    what the file says, which the stages read.
-    """
-    if is_module:
-        for path in map(Path, files):
-            if read_yaml(path, "study") == config:
-                return path
-        content = json.loads(json.dumps(config))  # plain mappings and lists
-        check_config(content, "study", "config")
-        path = Path(f"{path_token(content['study'])}.module.yaml")
-        if not path.is_file() or read_yaml(path, "study") != content:
-            write_text(path, yaml_text(content))
-        return path
-    if len(files) > 1:
-        raise InputError("--configfile: names several files; a run is of one study")
-    path = Path(files[0]) if files else DEMO
-    if config and dict(config) not in (read_config(path, "study", with_defaults=False), as_yaml_1_1(path)):
-        raise InputError(f"--config: a study is described by its file alone; write it into {path}")
-    return path
-
-
 def import_options(recording: Recording) -> list[str]:
     """Options that describe a recording of a plan to the command that imports it."""
+    source = recording.source
     values = {
-        "in": _relative(recording.file),
-        "layout": str(recording.layout),
-        "format": recording.format,
-        "mapping": None if recording.mapping is None else _relative(recording.mapping),
+        "in": _relative(source.file),
+        "layout": str(source.layout),
+        "format": source.format,
+        "mapping": None if source.mapping is None else _relative(source.mapping),
         **recording.key,
     }
-    repair = ["--repair-hemisphere"] if recording.hemisphere == "repair" else []
+    repair = ["--repair-hemisphere"] if source.hemisphere == "repair" else []
     return [f"--{name}={value}" for name, value in values.items() if value] + repair
 
 

@@ -15,11 +15,14 @@ from snakemake.exceptions import WorkflowError
 from snakemake.io import report
 from snakemake.logging import logger
 
+from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
+from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow import made_from, one_run, progress, warm_process
 from shukotsu.workflow.file_digests import program_digest
-from shukotsu.workflow.study_files import StudyFiles, study_file
+from shukotsu.workflow.study_file import study_file
+from shukotsu.workflow.study_files import StudyFiles
 
 CAPTIONS = PACKAGE / "report" / "captions"
 """Folder of the captions of `snakemake --report`."""
@@ -74,7 +77,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         one_run.refuse(workflow, study.results.folder)
         with one_run.ending_in_a_sentence():
             _note(study.what_changed(), study.remove_former())
-            study.write_changed_plans()
+            for path, text in study.changed_plans().items():  # which is no job of Snakemake's
+                write_text(path, text)
         warm_process.start()
 
     workflow.onstart(start)
@@ -90,7 +94,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
 
 async def _take_any_time(*_: object) -> None:
     """Take the place of Snakemake's test after a job, which has no option: it fails where an input's time is
-    later than an output's, as that of a tracker whose clock is ahead. Content says what is out of date.
+    later than an output's, as that of a tracker whose clock is ahead. What is out of date is decided by
+    content.
     """
 
 
@@ -137,7 +142,7 @@ def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake
     """Return the named inputs and outputs of a job as the options of those names of its stage."""
     words: list[str] = []
     for name, files in (*input.items(), *output.items()):
-        words += [f"--{name.replace('_', '-')}", *([files] if isinstance(files, str) else files)]
+        words += [option_of(name), *([files] if isinstance(files, str) else files)]
     return shlex.join(words)
 
 

@@ -16,7 +16,8 @@ from shukotsu.scores.agreement import agreement
 from shukotsu.study.config_files import REFERENCE, read_config, yaml_text
 from shukotsu.study.findings import NOTE, REFUSED, STAGE, finding_of_text, problem_row
 from shukotsu.study.layout import read_layout
-from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.recording_summary import part_problems, subject_tables
 from shukotsu.study.results import GATHERED_TABLES, Results
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
@@ -83,7 +84,7 @@ def gather_study(study: Study, results: Results) -> None:
         provenance = Provenance.of(files, results.folder)
         write_table(results.study_table(name), TABLES[name], columns, provenance)
     # write the study with its layouts and models as one YAML file, with all defaults
-    layouts = dict.fromkeys(recording.layout for recording in study.recordings)
+    layouts = dict.fromkeys(recording.source.layout for recording in study.recordings)
     whole = {
         "program": f"{PROGRAM} {VERSION}",
         "study": study.config,
@@ -125,7 +126,7 @@ _WRITTEN_BEFORE = (
 
 def _bugs(plan: SubjectPlan) -> Iterator[ProblemsRow]:
     """Name the stage that a bug is in, before later stages repeat the failure as their own."""
-    references = [plan.fit_table(hand, REFERENCE, RECEIVERS.name) for hand in plan.hands]
+    references = [plan.table(RECEIVERS.name, hand, REFERENCE) for hand in plan.hands]
     for table, name, stage in _WRITTEN_BEFORE:
         files = plan.files_of(name) + (references if name == RECEIVERS.name else [])
         for file in filter(Path.is_file, files):

@@ -10,7 +10,8 @@ from stage_runs import check_recordings as main
 
 from benchmarks.mistakes import MISTAKES
 from shukotsu.errors import InputError
-from shukotsu.study.plan import SubjectPlan, plan_of_results, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import plan_of_results, read_plan
 from shukotsu.tables.catalogue import FINDINGS, POSES
 from shukotsu.tables.typed_table import Provenance, read_metadata, read_table, rows_of, write_failure
 

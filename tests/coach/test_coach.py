@@ -33,7 +33,8 @@ def calibration(frames: int = 7 * RATE_HZ) -> Poses:
 
 
 def a_coach(wanted_mm: float = 2.0) -> Coach:
-    return Coach(replace(hand_alone(None, "right"), wanted_mm=wanted_mm))
+    hand = hand_alone(None, "right")
+    return Coach(replace(hand, layout=replace(hand.layout, wanted_mm=wanted_mm)))
 
 
 def coached(coach: Coach, poses: Poses) -> list[str]:
@@ -51,12 +52,12 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     lines = [*coached(coach, calibration(5 * RATE_HZ)), *coach.end()]
     assert f">> {MOVEMENTS[FIRST].sentence}" in lines[0]
     assert "Nothing is wrong in these 4 s" in lines[1]
-    assert "joints good enough; the least sure is thumb_cmc" in lines[2]
+    assert "joints good enough; the least certain is thumb_cmc" in lines[2]
     assert coach.phase == ENDED
     joints = [line for line in lines if line[:1] != " "]
     assert len(joints) == 15
     assert any(line.startswith("index_pip") and "believe" in line for line in joints)
-    assert any(line.startswith("thumb_cmc") and "care     known less well" in line for line in joints)
+    assert any(line.startswith("thumb_cmc") and "care     its error exceeds" in line for line in joints)
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 
@@ -65,8 +66,8 @@ def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_
     lines = coach.take(calibration(), may_leave_out=True)
     assert coach.phase == ENOUGH
     assert sum("Enough: 15 of 15 joints good enough" in line for line in lines) == 1
-    assert coach.estimate is not None
-    assert coach.estimate.time_s > 5.9
+    assert coach.calibration.estimate is not None
+    assert coach.calibration.estimate.time_s > 5.9
 
 
 def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None:
@@ -75,11 +76,11 @@ def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None
     lines = coached(coach, exchange_receivers(poses, SWAPPED))
     assert len(lines) == 2
     assert all(name in lines[1] for name in (*SWAPPED, "swapped"))
-    assert coach.request is None
-    assert coach.estimate is None
+    assert coach.calibration.request is None
+    assert coach.calibration.estimate is None
     lines = coached(coach, concatenate_poses([from_frame(poses, 1200), from_frame(poses, 2400)]))
     assert coach.restarts == 1
-    assert any("Put right" in line for line in lines)
+    assert any("Corrected." in line for line in lines)
     assert coach.findings == []
     assert "joints good enough after" in coach.end()[-16]
 
@@ -104,11 +105,11 @@ def advised(sd_mm: Mapping[str, float], range_deg: float, *times_s: float) -> Co
         for joint in sorted(joints)
     }
     coach = a_coach()
-    coach._done.add(FIRST)
+    coach.calibration.done.add(FIRST)
     coach.gains = list  # type: ignore[method-assign]
     for coach.time_s in times_s:
-        coach.estimate = Estimate(0.0, cast(Any, None), rows)
-        coach._advise(coach.estimate)
+        coach.calibration.estimate = Estimate(0.0, cast(Any, None), rows)
+        coach._advise(coach.calibration.estimate)
     return coach
 
 
@@ -126,11 +127,11 @@ def advised(sd_mm: Mapping[str, float], range_deg: float, *times_s: float) -> Co
 def test_the_movement_of_the_least_sure_joints_is_asked_for_until_it_is_seen(
     sd_mm: dict[str, float], range_deg: float, times_s: tuple[float, ...], movement: str | None
 ) -> None:
-    request = advised(sd_mm, range_deg, *times_s).request
+    request = advised(sd_mm, range_deg, *times_s).calibration.request
     assert (request and request.movement.name) == movement
 
 
-def test_what_movements_cannot_better_is_left() -> None:
+def test_joints_that_movements_do_not_improve_are_left() -> None:
     times_s = [7.0 * step for step in range(MOST_VAIN + 2)]
     assert advised({"index_mcp": 5.0}, 90.0, *times_s[: MOST_VAIN - 1]).phase != ENOUGH
     coach = advised({"index_mcp": 5.0}, 90.0, *times_s)
@@ -144,7 +145,7 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
     monkeypatch.setattr(coach, "_estimate", lambda: None)
     coached(coach, concatenate_poses([poses, from_frame(poses, 3600 * RATE_HZ)]))
     assert coach.time_s > 3600.0
-    assert coach._kept.poses().frame.size == 960
+    assert coach.calibration.kept.poses().frame.size == 960
     frames = EvenFrames()
     for _ in range(40):
         frames.add(calibration())

@@ -145,7 +145,7 @@ def test_sizes_lengths_and_what_is_asked_are_the_studys(study: Path) -> None:
     (folder / "measurements.tsv").write_text("".join(f"{row}\n" for row in rows))
     study.write_text(study.read_text() + "measurements: measurements.tsv\nwanted_mm: 1.5\n")
     hand = hand_of(study, "03", "left")
-    assert (hand.hand_length_mm, hand.hand_breadth_mm, hand.wanted_mm) == (190.0, 85.0, 1.5)
+    assert (*hand.sizes_mm.values(), hand.layout.wanted_mm) == (190.0, 85.0, 1.5)
     assert hand.measurements == (Measurement("index_middle", 23.5, 0.4),)
     assert (hand.layout.name, hand.model.name, dict(hand.whose)) == ("liberty16", "whole-hand", WHOSE)
 

@@ -19,7 +19,7 @@ def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     write_page(path, coach, "a recording", "Nothing has come.")
     watched_page.open(path)
     coach.take(recorded(seed=7001, n_frames=1680)[1], may_leave_out=True)
-    assert coach.estimate is not None
+    assert coach.calibration.estimate is not None
     coach.findings = ["index_middle <b> is swapped"]
     write_page(path, coach, "a recording")
     page.locator(".advice", has_text=coach.advice).wait_for()  # by itself
@@ -32,7 +32,7 @@ def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     assert watched_page.value("document.querySelector('meta[http-equiv=refresh]')") is None
     assert watched_page.value("document.querySelectorAll('svg path').length") > 12
     cells = watched_page.value("[...document.querySelectorAll('tbody tr')].map(row => row.innerText)")
-    assert any("thumb_cmc" in row and "with care" in row and "known less well" in row for row in cells)
+    assert any("thumb_cmc" in row and "with care" in row and "its error exceeds" in row for row in cells)
     assert coach.summary() in watched_page.value("document.body.innerText")
     assert watched_page.value("document.documentElement.scrollWidth <= innerWidth")
     assert list(tmp_path.iterdir()) == [path]

@@ -13,7 +13,7 @@ from shukotsu.commands.import_file import main as import_recording
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.catalogue import FINDINGS
 from shukotsu.tables.typed_table import read_table, rows_of
 from shukotsu.workflow.study_files import import_options
@@ -48,7 +48,7 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
                 assert import_recording(argv) == 0
         assert check_recordings(["--plan", str(path), "--out", str(plan.table("findings"))]) == 0
         for row in rows_of(read_table(plan.table("findings"), FINDINGS)):
-            name = f"{plan.subject} {row['hand']} {row['task']}"
+            name = f"{plan.who.subject} {row['hand']} {row['task']}"
             findings.add((name, *(row[column] for column in ("severity", "kind", "message"))))
     return findings
 
@@ -128,7 +128,7 @@ def test_a_good_recording_has_three_lines_on_what_would_gain(
     assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
 
 
-def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_other_hand_is_the_only_finding(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert check([str(rom), "--hand", "left"]) == 1
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")

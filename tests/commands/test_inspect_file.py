@@ -121,7 +121,7 @@ def test_the_guides_page_shows_what_is_printed(run: Run, monkeypatch: pytest.Mon
     np.testing.assert_allclose(samples.numbers[hand, 0], np.array([10.1, 10.2, 10.4]) * 25.4)
 
 
-def test_a_wide_table_of_quaternions(run: Run) -> None:
+def test_a_wide_table_of_quaternions_is_drafted_with_its_columns_and_unit(run: Run) -> None:
     cells = np.concatenate([np.arange(FRAMES)[:, None] / 120, PLACE, TURNED], 1)
     path = run.table("old.txt", "t,px,py,pz,w,i,j,k", cells, "\t")
     out = run.inspect(path)
@@ -343,7 +343,7 @@ TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 TIDY_ROWS = "7,0.5,hand,1,2,3,1,0,0,0\n8,0.51,hand,,,,,,,\n8,0.51,elbow,1,2,3,1,0,0,0\n"
 
 
-def test_own_files_need_no_mapping(run: Run) -> None:
+def test_files_of_this_project_need_no_mapping(run: Run) -> None:
     path = run.write("rom.csv", TIDY + TIDY_ROWS)
     out = run.inspect(path)
     assert "a tidy recording (CSV): needs no mapping" in out

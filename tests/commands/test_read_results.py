@@ -98,7 +98,9 @@ def test_a_hand_is_posed_as_the_pipeline_poses_it(study: SimulatedHand, model: s
         ({"model": "whole_hand"}, "model 'whole_hand' is not in study test; did you mean 'whole-hand'"),
     ],
 )
-def test_what_is_not_in_the_study_is_told(study: SimulatedHand, words: dict[str, str], message: str) -> None:
+def test_a_name_outside_the_study_is_refused(
+    study: SimulatedHand, words: dict[str, str], message: str
+) -> None:
     which = {"subject": "01", "hand": study.simulated.hand, "task": "opposition"} | words
     with pytest.raises(InputError, match=message):
         shukotsu.pose(study.plan.folder.parent, **which)

@@ -26,7 +26,7 @@ def test_nothing_of_the_persons_own_changes_a_run(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with its parent")
-def test_what_it_started_is_killed_with_it() -> None:
+def test_jobs_are_killed_with_the_command_that_started_them() -> None:
     code = (
         "import sys; from shukotsu.commands.run_study import _run; "
         "_run([sys.executable, '-c', 'print(1, flush=True); input()'], None)"

@@ -11,7 +11,7 @@ from shukotsu.fit.calibration import calibrated_hand
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
-from shukotsu.study.plan import plan_of_poses
+from shukotsu.study.plan import NamedHand, plan_of_poses
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import read_study
 from shukotsu.tables.catalogue import table_in
@@ -35,7 +35,7 @@ def test_the_reference_hand_has_average_bones_and_no_stated_error(tmp_path: Path
     def bones_mm(hand_length_mm: float) -> np.ndarray:
         poses, model = [subject.poses("rom")], read_model(REFERENCE)
         sizes = {"hand_length_mm": hand_length_mm}
-        plan = plan_of_poses(poses, poses, LAYOUT, [model], sizes_mm=sizes)
+        plan = plan_of_poses(NamedHand(poses, poses, sizes_mm=sizes), LAYOUT, [model])
         tips, _ = calibrated_hand(plan, plan.part("right", REFERENCE))
         return np.array([bone.length_mm for bone in tips.fit.bones.values()])
 

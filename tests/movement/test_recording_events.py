@@ -14,7 +14,7 @@ from stage_runs import align_events as main
 from shukotsu.errors import InputError
 from shukotsu.movement.events import cut_cycles, within_recording
 from shukotsu.movement.recording_events import READERS, RecordingEvents, read_events
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.catalogue import TABLES
 from shukotsu.tables.typed_table import read_table, rows_of
 

@@ -10,7 +10,8 @@ import stage_runs
 from small_study import planned_subject, recording_numbers, run_stages, write_plans, write_study
 
 from shukotsu.study.layout import read_layout
-from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.verdict import doubts_of
 from shukotsu.tables.catalogue import (
     BONE_LENGTHS,

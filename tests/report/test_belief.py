@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -52,7 +51,7 @@ LEFT = Hand("S01", "left")
 
 
 @pytest.mark.parametrize("language", ["en", "ja"])
-def test_every_kind_has_its_sentence(language: str) -> None:
+def test_every_kind_of_doubt_has_a_sentence(language: str) -> None:
     for kind in {*LIMITS} - OF_BONES - {verdict.NOT_SOLVED}:
         row = {**UNJUDGED, **note_doubts({kind: VALUES.get(kind, {})}), "message": ""}
         with speaking(language):
@@ -62,7 +61,7 @@ def test_every_kind_has_its_sentence(language: str) -> None:
         assert sentence.isascii() == (language == "en")
 
 
-def test_what_is_asked_of_each_layout() -> None:
+def test_the_error_wanted_is_listed_for_each_layout() -> None:
     arm, hand = read_layout("arm"), read_layout("liberty16")
     assert wanted_text([hand, hand]) == "2"
     assert wanted_text([arm, hand], 3.0) == "6 or 30"
@@ -73,7 +72,7 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
 
-    return replace(results, joints=[of(row) for row in results.joints])
+    return results.with_rows(joint_centres=[of(row) for row in results.rows.joint_centres])
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
@@ -82,17 +81,17 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
     [
         ({}, BELIEVED, ""),
         ({"message": "a note."}, BELIEVED, "a note"),
-        ({"sd_mm": 2.01}, CARE, "known less well than to 2 mm (1 sigma, 3-D)"),
-        ({"sd_mm": None}, CARE, "no error is stated for its place"),
+        ({"sd_mm": 2.01}, CARE, "its error exceeds 2 mm (1 sigma, 3-D)"),
+        ({"sd_mm": None}, CARE, "no error is stated for its position"),
         (
             {"range_deg": 3.2, "sd_mm": 7.0},
             NOT,
-            "moved only 3 deg; skin alone can look like that; known less well than to 2 mm (1 sigma, 3-D)",
+            "moved only 3 deg; skin alone can look like that; its error exceeds 2 mm (1 sigma, 3-D)",
         ),
-        ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no place: no frames"),
+        ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no position: no frames"),
     ],
 )
-def test_the_words_are_of_the_columns(
+def test_belief_and_reasons_follow_the_columns_of_a_row(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
     table = joint_table(_with(fitted, model, "index_pip", **changes), LEFT, model)
@@ -100,8 +99,8 @@ def test_the_words_are_of_the_columns(
     assert (row[1], row[-1]) == (believed, why)
 
 
-def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
-    rows = rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand")
+def test_the_joint_table_has_every_joint_with_its_numbers(fitted: StudyResults) -> None:
+    rows = rows_where(fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand")
     block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
     assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Range moved [deg]")
     for row, cells in zip(rows, block.rows, strict=True):
@@ -114,7 +113,11 @@ def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
 
 def test_a_joint_a_little_less_well_known_says_what_it_serves_for(fitted: StudyResults) -> None:
     layout = fitted.layouts[LEFT]
-    row = {**rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand", verdict="believe")[0]}
+    row = {
+        **rows_where(
+            fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand", verdict="believe"
+        )[0]
+    }
     row |= {
         "sd_mm": 2.2,
         "verdict": "care",
@@ -130,7 +133,7 @@ def test_a_joint_a_little_less_well_known_says_what_it_serves_for(fitted: StudyR
     assert near_lines([row | {"sd_mm": 2.6}, row | {"sd_mm": 1.9}], [mends], layout) == []
 
 
-def test_the_best_gains_in_words(fitted: StudyResults) -> None:
+def test_the_three_best_gains_are_written_as_sentences(fitted: StudyResults) -> None:
     rows = next(iter(fitted.gains_of.values()))
     lines = gain_lines(rows)
     assert len(lines) == min(len(rows), MOST_GAINS)

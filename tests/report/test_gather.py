@@ -10,7 +10,8 @@ import yaml
 from small_study import write_plans, write_study
 
 from shukotsu.study.findings import REFUSED, Finding
-from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
 from shukotsu.study.study import read_study
 from shukotsu.tables.catalogue import CLOCKS, FINDINGS, POSES, TABLES
@@ -57,7 +58,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
     """
     for recording in plan.recordings:
         if not recording.exclude:
-            keys = {"subject": plan.subject, "hand": recording.hand.hand, "task": recording.task}
+            keys = {"subject": plan.who.subject, "hand": recording.hand.hand, "task": recording.task}
             parameters = {**keys, "trial": recording.trial}
             columns: dict[str, Any] = dict.fromkeys((c.name for c in POSES.columns), np.zeros(4))
             columns |= {"segment": ["hand"] * 4, "frame": np.arange(4), "time_s": np.arange(4) / 240}
@@ -68,7 +69,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
         for path in plan.files_of(name):
             parts = plan.parts()
             if name in FIT_TABLES:
-                parts = [p for p in parts if path == plan.fit_table(p.hand, p.model, name)]
+                parts = [p for p in parts if path == plan.table(name, p.hand, p.model)]
             if "made_without" not in TABLES[name].key:  # scores: a part is a hand
                 parts = [plan.part(hand) for hand in plan.hands]
             _write_parts(path, TABLES[name], parts, failures or {})
@@ -143,7 +144,7 @@ def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
     assert note.endswith("note, status")
 
 
-def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
+def test_an_unsure_clock_is_a_problem_of_its_recording(plans: list[SubjectPlan], tmp_path: Path) -> None:
     hand = vars(plans[0].hand("right"))
     rows = [
         row_of(CLOCKS, **hand, task="pinch", trial=trial, status=status, message=status)
@@ -156,7 +157,7 @@ def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path
 
 
 @pytest.mark.usefixtures("plans")
-def test_rows_of_every_whole_skeleton_in_order(tmp_path: Path) -> None:
+def test_gathered_tables_hold_every_whole_skeleton_in_the_sheets_order(tmp_path: Path) -> None:
     tables = gathered(tmp_path)
     hands = [("01", "right"), ("01", "left"), ("02", "right")]
     skeletons = [(*hand, model) for hand in hands for model in MODELS]

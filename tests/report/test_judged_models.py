@@ -18,16 +18,20 @@ OURS, PAPER = "whole-hand", "paper-fig4"
 @pytest.fixture(scope="module")
 def fingers(twelve: StudyResults) -> StudyResults:
     """The same of index fingers alone, which are compared in a third of the time."""
-    scores = [row for row in twelve.scores if row["digit"] == "index"]
-    errors = [row for row in twelve.joint_errors if row["joint"].startswith("index")]
-    return compared(replace(twelve, scores=scores, joint_errors=errors))
+    scores = [row for row in twelve.rows.skeleton_scores if row["digit"] == "index"]
+    errors = [row for row in twelve.rows.joint_errors if row["joint"].startswith("index")]
+    return compared(twelve.with_rows(skeleton_scores=scores, joint_errors=errors))
 
 
 def without_truth(results: StudyResults, *, held_out: bool = True) -> StudyResults:
     """The same recorded hands, of whom nobody knows the truth."""
     blind = dict.fromkeys(("metacarpal_deg", "true_tip_mean_mm", "true_tip_p95_mm"))
-    scores = [{**row, **blind} for row in results.scores if row["reference"] or row["held_out"] == held_out]
-    return compared(replace(results, scores=scores, joint_errors=[], simulated=False))
+    scores = [
+        {**row, **blind}
+        for row in results.rows.skeleton_scores
+        if row["reference"] or row["held_out"] == held_out
+    ]
+    return compared(replace(results.with_rows(skeleton_scores=scores, joint_errors=[]), simulated=False))
 
 
 def means(results: StudyResults, metric: str) -> dict[str, float]:
@@ -46,21 +50,21 @@ def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
 def test_the_model_that_is_shown_to_be_better_is_taken(fingers: StudyResults) -> None:
     """Also where it is not the one that pages show first."""
     swapped = [{**row, "model": {OURS: PAPER, PAPER: OURS}.get(row["model"], row["model"])}
-               for row in fingers.joint_errors]  # fmt: skip
-    taken = model_to_take(compared(replace(fingers, joint_errors=swapped)))
+               for row in fingers.rows.joint_errors]  # fmt: skip
+    taken = model_to_take(compared(fingers.with_rows(joint_errors=swapped)))
     assert taken.startswith("Take the model paper-fig4: ")
 
 
 def test_few_subjects_test_nothing_and_say_so(fingers: StudyResults) -> None:
     rows = {
-        name: [row for row in getattr(fingers, name) if row["subject"] in fingers.subjects[:2]]
-        for name in ("scores", "joint_errors")
+        name: [row for row in getattr(fingers.rows, name) if row["subject"] in fingers.subjects[:2]]
+        for name in ("skeleton_scores", "joint_errors")
     }
-    two = compared(replace(fingers, recordings=fingers.recordings[:8], **rows))
+    two = compared(replace(fingers.with_rows(**rows), recordings=fingers.recordings[:8]))
     assert model_to_take(two).endswith("(2 subjects, too few to test the difference).")
 
 
-def test_what_is_not_shown_is_said(fingers: StudyResults) -> None:
+def test_a_difference_that_is_not_shown_is_reported_with_its_p(fingers: StudyResults) -> None:
     mean = means(fingers, "error_mm")
     noise = np.random.default_rng(1).normal(1.0, 0.3, 12)
     factor = dict(zip(fingers.subjects, noise, strict=True))
@@ -68,9 +72,9 @@ def test_what_is_not_shown_is_said(fingers: StudyResults) -> None:
         {**row, "error_mm": row["error_mm"] and factor[row["subject"]] * mean[PAPER]}
         if row["model"] == OURS
         else {**row, "error_mm": row["error_mm"] and mean[PAPER]}
-        for row in fingers.joint_errors
+        for row in fingers.rows.joint_errors
     ]
-    assert "no difference is shown, p = " in model_to_take(compared(replace(fingers, joint_errors=alike)))
+    assert "no difference is shown, p = " in model_to_take(compared(fingers.with_rows(joint_errors=alike)))
 
 
 def test_without_a_truth_hidden_receivers_judge_fitted_hands(fingers: StudyResults) -> None:
@@ -82,7 +86,7 @@ def test_without_a_truth_hidden_receivers_judge_fitted_hands(fingers: StudyResul
     )
 
 
-def test_what_judges_nothing_says_so(fingers: StudyResults) -> None:
+def test_without_a_judging_number_no_model_is_recommended(fingers: StudyResults) -> None:
     """Nothing held out, no model that fits the whole hand, every hand with a finding."""
     seen = without_truth(fingers, held_out=False)
     assert model_to_take(seen).endswith("no recording was held out that could judge it.")
@@ -91,7 +95,7 @@ def test_what_judges_nothing_says_so(fingers: StudyResults) -> None:
         "No model can be chosen here"
     )
     findings = [vars(hand) | {"severity": "suspect"} for hand in fingers.hands]
-    assert model_to_take(replace(fingers, problems=findings)).startswith("Settle the findings first")
+    assert model_to_take(fingers.with_rows(problems=findings)).startswith("Resolve the findings first")
 
 
 def test_p_never_rounds_over_the_level() -> None:

@@ -68,7 +68,7 @@ def test_a_dot_of_a_tasks_figure_is_a_subjects_mean_of_the_leading_model(
 
 def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, movement: StudyMovement) -> None:
     finding = {"subject": "P00", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
-    rest = read_movement(replace(results, problems=[finding]))
+    rest = read_movement(results.with_rows(problems=[finding]))
     assert not ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "1")).any()
     assert ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "2")).any()
     none = replace(movement, ranges=movement.ranges.iloc[:0])
@@ -91,7 +91,7 @@ def groups_study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return read_study(folder / "study.yaml")
 
 
-def test_groups_stand_side_by_side(
+def test_groups_are_compared_in_a_table_and_a_figure(
     results: StudyResults, movement: StudyMovement, groups_study: Study
 ) -> None:
     """First what the study file names, then what differs most; each with n, mean, SD, difference and p."""
@@ -155,7 +155,7 @@ def test_without_groups_a_curve_is_of_all_subjects(results: StudyResults, moveme
         study_cycles(results, replace(movement, curves=movement.curves.iloc[:0]), everybody)
 
 
-def test_what_is_not_tested_says_why(
+def test_an_untested_difference_states_the_reason(
     results: StudyResults, movement: StudyMovement, groups_study: Study
 ) -> None:
     few = movement.differences.assign(n=2, n_other=3, p=np.nan, p_holm=np.nan, low=np.nan, high=np.nan)
@@ -169,7 +169,7 @@ def test_what_is_not_tested_says_why(
     assert not [row for row in shown.blocks[0].rows if "index_pip" in row[0]]
 
 
-def test_methods_say_what_was_done(results: StudyResults, movement: StudyMovement) -> None:
+def test_the_methods_text_names_tests_and_subjects(results: StudyResults, movement: StudyMovement) -> None:
     text = " ".join(methods_text(results, movement))
     assert "Movement was measured in 12 subjects by joint angles under whole-hand." in text
     assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text

@@ -31,7 +31,7 @@ def lab(colour: str, vision: str) -> np.ndarray:
 @pytest.mark.parametrize("vision", VISION)
 @pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
 @pytest.mark.parametrize("hues", [DIGIT_HUES, MODEL_HUES], ids=["digits", "models"])
-def test_colours_are_apart_to_every_reader(hues: tuple[str, ...], theme: int, vision: str) -> None:
+def test_colours_differ_to_colour_blind_readers(hues: tuple[str, ...], theme: int, vision: str) -> None:
     """15 units of CIELAB: several times what is just noticed side by side."""
     seen = {hue: lab(HUES[hue][theme], vision) for hue in hues}
     assert min(np.linalg.norm(seen[a] - seen[b]) for a, b in combinations(hues, 2)) > 15

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from urllib.parse import unquote
@@ -54,7 +53,7 @@ def test_pages_load_nothing(pages: dict[Path, str]) -> None:
         assert "@import" not in page
 
 
-def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> None:
+def test_every_link_leads_to_a_file_or_anchor(pages: dict[Path, str], results: StudyResults) -> None:
     """Entries of the contents have sections, other links pages; from the study all are reached, and back."""
     shown = {results.paths.recording_page(recording) for recording in results.shown}
     for path, page in pages.items():
@@ -101,7 +100,7 @@ def test_tables_in_cm_equal_the_parquet_table(results: StudyResults, page: str) 
     for subject, model in product(results.subjects, PAPERS):
         ending = f"subject {subject}, opposition, model {model}."
         (table,) = [table for table in tables if table.caption.endswith(ending)]
-        rows = rows_where(results.tip_errors, subject=subject, model=model, binding="first-frame")
+        rows = rows_where(results.rows.tip_errors, subject=subject, model=model, binding="first-frame")
         assert rows
         for row in rows:
             start = starts[row["hand"]]
@@ -117,13 +116,13 @@ def test_least_squares_table_equals_the_parquet_table(results: StudyResults, pag
     )
     table = table_called(page, caption)
     left = next(i for i, row in enumerate(table.rows) if row[0] == "Left hand")
-    for row in rows_where(results.tip_errors, subject="S01", hand="right", binding="least-squares"):
+    for row in rows_where(results.rows.tip_errors, subject="S01", hand="right", binding="least-squares"):
         column = table.rows[0].index(f"{row['digit'].capitalize()} mean")
         cells = next(cells for cells in table.rows[1:left] if cells[0] == row["model"])
         assert cells[column : column + 2] == [f"{row['mean_mm']:.2f}", f"{row['p95_mm']:.2f}"]
 
 
-def test_what_went_wrong_is_told(page: str) -> None:
+def test_every_problem_is_on_the_page(page: str) -> None:
     text = " ".join(read_page(page).text)
     assert "3 of 4 recordings used (1 failed)" in text
     assert "row 7, column x_mm" in text
@@ -148,10 +147,10 @@ def test_a_study_without_a_usable_recording_has_a_page_with_reasons(tmp_path: Pa
 def test_a_study_whose_joints_all_failed_has_a_page(fitted_study: MadeStudy) -> None:
     gone = {**UNJUDGED, **dict.fromkeys(c.name for c in JOINT_CENTRES.columns if c.nullable)}
     gone |= {"status": "failed", "message": "no frames"}
-    failed = [judged_joint(row | gone, FINGER_MM) for row in fitted_study.results.joints]
+    failed = [judged_joint(row | gone, FINGER_MM) for row in fitted_study.results.rows.joint_centres]
     pages = (
-        render_study(replace(fitted_study.results, joints=failed), fitted_study.study),
-        render_subject(replace(fitted_study.subject(), joints=failed)),
+        render_study(fitted_study.results.with_rows(joint_centres=failed), fitted_study.study),
+        render_subject(fitted_study.subject().with_rows(joint_centres=failed)),
     )
     n, n_others = (len(rows_where(failed, model=model)) for model in ("whole-hand", "paper-fig4"))
     text = " ".join(read_page("".join(pages)).text)

@@ -19,7 +19,7 @@ def _mean(rows: list[dict[str, Any]], name: str) -> str:
     return f"{np.mean(values):.{decimals}f}" if values else "–"
 
 
-def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
+def test_scores_on_the_page_are_means_of_skeleton_scores(fitted: StudyResults, fitted_page: str) -> None:
     """Held-out rows, in-sample ones, references; every cell the mean over both hands' digits."""
     table = table_called(fitted_page, SCORES)
     assert [row[:3] for row in table.rows] == [
@@ -36,14 +36,14 @@ def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -
     names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
     for cells in (row for row in table.rows if row[1] != "Made from"):
         made_from = "" if cells[1] == "–" else cells[1]
-        rows = rows_where(fitted.scores, model=cells[0], calibrated_on=made_from)
+        rows = rows_where(fitted.rows.skeleton_scores, model=cells[0], calibrated_on=made_from)
         expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]
         if cells[0] in ("paper-fig4", "true-skeleton"):  # never posed, so nothing was left out of a pose
             expected[2] = "–"
         assert cells[3:] == expected
 
 
-def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> None:
+def test_the_truth_table_is_that_of_joint_errors(fitted: StudyResults, fitted_page: str) -> None:
     """Median, 90th percentile, worst, share far off, parts, axis, bones and coverage, a row a skeleton."""
     (table,) = [table for table in read_page(fitted_page).tables if table.caption.startswith(TRUTH)]
     assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [
@@ -52,7 +52,7 @@ def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> Non
     ]
     for cells in (row for row in table.rows[1:] if row[0] != "Reference"):
         made_from = "" if cells[1] == "–" else cells[1]
-        rows = rows_where(fitted.joint_errors, model=cells[0], calibrated_on=made_from)
+        rows = rows_where(fitted.rows.joint_errors, model=cells[0], calibrated_on=made_from)
         error = np.array([row["error_mm"] for row in rows if row["error_mm"] is not None])
         assert len(error) == 29
         axes = [row["axis_deg"] for row in rows if row["axis_deg"] is not None]

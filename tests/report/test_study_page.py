@@ -46,13 +46,13 @@ def test_links_survive_any_name(name: str) -> None:
     assert "".join(shown.text).split() == name.split()
 
 
-def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
-    rows = rows_where(fitted.joints, model="whole-hand")
+def test_the_three_numbers_follow_from_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
+    rows = rows_where(fitted.rows.joint_centres, model="whole-hand")
     believed = rows_where(rows, verdict="believe")
     sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
     errors = [
         row["value"]
-        for row in rows_where(fitted.model_values, metric="error_mm", model="whole-hand", digit="")
+        for row in rows_where(fitted.rows.model_values, metric="error_mm", model="whole-hand", digit="")
     ]
     joints, error, findings = big_numbers(fitted)
     assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
@@ -67,33 +67,38 @@ def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_pag
 def _suspect(results: StudyResults, *hands: str) -> StudyResults:
     row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
     row |= {"severity": "suspect", "message": "in m", "accepted": "", "variant": "", "values": ""}
-    return replace(results, problems=[row | {"hand": hand} for hand in hands])
+    return results.with_rows(problems=[row | {"hand": hand} for hand in hands])
 
 
 def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
     joints, _, findings = big_numbers(_suspect(fitted, "left"))
-    right = rows_where(fitted.joints, model="whole-hand", hand="right")
+    right = rows_where(fitted.rows.joint_centres, model="whole-hand", hand="right")
     assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
     joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
-    assert joints.of == "can be believed: no hand that counts has a joint under whole-hand"
+    assert joints.of == "can be believed: no hand without a finding has a joint under whole-hand"
 
 
-def test_one_hand_has_and_no_hands_have(fitted: StudyResults) -> None:
+def test_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) -> None:
     """Also a number that is not there, and recordings that are in no statistic, read as sentences."""
     suspect = _suspect(fitted, "left", "right")
     assert numbers_texts(_suspect(fitted, "left"))[2].startswith("1 of 2 hands has recordings")
     one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
     assert numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
     assert numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
-    assert numbers_texts(suspect)[1] == "The recordings gave 0 of 0 joints an error."
-    assert used_text(suspect).startswith("0 of 4 recordings used (4 in no statistic, for what was found)")
+    assert numbers_texts(suspect)[1] == "There is no typical error, since no joint counts."
+    assert used_text(suspect).startswith(
+        "0 of 4 recordings used (4 left out of all statistics because of findings)"
+    )
 
 
 def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResults) -> None:
     """In words of the hand; findings first; the measurement of a bone only where nothing else helps."""
-    believed = [row | {"verdict": "believe"} for row in fitted.joints]
-    assert (care_line(replace(fitted, joints=believed)), next_step(replace(fitted, joints=believed))) == (
+    believed = [row | {"verdict": "believe"} for row in fitted.rows.joint_centres]
+    assert (
+        care_line(fitted.with_rows(joint_centres=believed)),
+        next_step(fitted.with_rows(joint_centres=believed)),
+    ) == (
         "",
         "",
     )
@@ -102,15 +107,16 @@ def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResu
     def doubted(*joints: str, **doubts: object) -> StudyResults:
         doubt = {"sd_mm": 5.0, "verdict": "care", **note_doubts(doubts)}
         rows = [row | (doubt if row["joint"] in joints else {}) for row in believed]
-        return replace(fitted, joints=rows)
+        return fitted.with_rows(joint_centres=rows)
 
     little = doubted("thumb_ip", "thumb_mcp", **{MOVED_LITTLE: {"range_deg": 3.0}})
     reason = "moved only 3 deg; skin alone can look like that"
     assert care_line(little) == f"With care: thumb_mcp and thumb_ip: {reason}."
-    serves = "bend and straighten the thumb alone for 10 s; it serves thumb_mcp and thumb_ip."
+    serves = "bend and straighten the thumb alone for 10 s; it improves thumb_mcp and thumb_ip."
     assert next_step(little) == f"Next: {serves}"
     dead = doubted("index_dip", **{NO_POSE: {"segments": ["index_distal"]}})
-    assert next_step(dead) == "Next: wear a receiver on index_distal, and record again; it serves index_dip."
+    worn = "wear a receiver on index_distal, and record again; it improves index_dip."
+    assert next_step(dead) == f"Next: {worn}"
     placed = doubted("wrist", **{BY_ANATOMY: {}})
     assert next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
     assert "Measuring" in next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))
@@ -118,11 +124,17 @@ def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResu
 
 def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: StudyResults) -> None:
     by_anatomy = {"sd_mm": 25.98, **note_doubts({BY_ANATOMY: {}})}
-    rows = [row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None}) for row in fitted.joints]
-    joints, error, _ = big_numbers(replace(fitted, joints=rows))
-    assert (error.value, error.of) == ("–", f"the recordings gave 0 {joints.unit} an error")
-    unworn = [row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {}) for row in fitted.joints]
-    fewer, error, _ = big_numbers(replace(fitted, joints=unworn))
+    rows = [
+        row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None})
+        for row in fitted.rows.joint_centres
+    ]
+    joints, error, _ = big_numbers(fitted.with_rows(joint_centres=rows))
+    assert (error.value, error.of) == ("–", f"none {joints.unit} has an error from the recordings")
+    unworn = [
+        row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {})
+        for row in fitted.rows.joint_centres
+    ]
+    fewer, error, _ = big_numbers(fitted.with_rows(joint_centres=unworn))
     assert int(fewer.unit.split()[1]) == int(joints.unit.split()[1]) - 2
     assert fewer.of.endswith("; for 2 more no receiver was worn")
     shown = rows_where(unworn, model="whole-hand", reason="not-worn")
@@ -141,7 +153,7 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
     assert [row[:2] for row in rows] == [[hand.subject, hand.hand] for hand in fitted.hands]
     assert digits[2:7] == ["thumb", "index", "middle", "ring", "little"]
     for hand, cells in zip(fitted.hands, rows, strict=True):
-        joints = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
+        joints = rows_where(fitted.rows.joint_centres, model="whole-hand", hand=hand.hand)
         shown = [
             ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.1f}") + MARKS[row["verdict"]] for row in joints
         ]
@@ -150,7 +162,7 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
         assert cells[-1] == f"{believed}/{len(joints)}"
         for row in rows_where(joints, verdict="care"):
             assert f'subject.html#{hand.hand}-{row["joint"]}">◆</a>' in fitted_study_page
-    assert 'title="has no place: too few frames (3)"' in fitted_study_page
+    assert 'title="has no position: too few frames (3)"' in fitted_study_page
 
 
 def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: dict[Path, str]) -> None:
@@ -162,18 +174,18 @@ def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: di
     assert page.count("<title>right hand of") == len(results.subjects)
 
 
-def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page: str) -> None:
+def test_bone_lengths_of_all_hands_are_one_table(fitted: StudyResults, fitted_study_page: str) -> None:
     """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
     caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
     header, *rows = table_called(fitted_study_page, caption).rows
     for row in rows:
-        bones = rows_where(fitted.bones, hand=row[1], model="whole-hand")
+        bones = rows_where(fitted.rows.bone_lengths, hand=row[1], model="whole-hand")
         cells = dict(zip(header[3:], row[3:], strict=True))
         assert len(cells) == len(bones) == 19
         for bone in bones:
             start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
             assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
-    times, n = times_expected(row for row in fitted.agreement if row["model"] == "whole-hand")["hand"]
+    times, n = times_expected(row for row in fitted.rows.agreement if row["model"] == "whole-hand")["hand"]
     differ = f"the right and the left hand differ by {times:.1f} times what was expected ({n} pairs)"
     assert differ in fitted_study_page
 
@@ -190,7 +202,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
     finding = Finding("quaternion-inverse", SUSPECT, "", seen)
     faults = [problem_row(STAGE, finding, subject=f"S{i:02}", hand="left", task="rom") for i in range(11)]
     accepted = problem_row(STAGE, finding.accept("a doll"), subject="S11", hand="left", task="rom")
-    many = replace(fitted, problems=[*notes, *faults, accepted])
+    many = fitted.with_rows(problems=[*notes, *faults, accepted])
     page = render_study(many, fitted_study.study)
     assert "Accepted in the recordings sheet: 1" in page
     shown, folded = (
@@ -212,7 +224,7 @@ def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, fitted_study: MadeStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("shukotsu.report.figures.panels.page_figure", lambda _: {}["x"])
-    page = render_study(replace(fitted, problems=[*fitted.problems]), fitted_study.study)
+    page = render_study(fitted.with_rows(problems=[*fitted.rows.problems]), fitted_study.study)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]
 

@@ -36,7 +36,8 @@ from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import SkeletonModel
-from shukotsu.study.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import StudyPlans, plan_text, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, MODEL_COMPARISONS, STUDY_TABLES, Results
 from shukotsu.study.study import Recording, Study, read_study
 from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, note_doubts
@@ -196,15 +197,15 @@ def _write_subject(
         for recording in plan.recordings:
             hand, key = recording.hand.hand, recording.key
             if hand == failed:
-                message = f"{recording.file_as_written}: row 7, column x_mm: 'n/a' is <not> a number"
+                message = f"{recording.source.file_as_written}: row 7, column x_mm: 'n/a' is <not> a number"
                 write_failure(plan.poses(recording), POSES, message, Provenance((), key))
                 continue
             recorded = exact_hand(hand, n_frames)[0].poses()
             recorded.valid[UNSEEN, recorded.index("index_distal")] = False
-            write_poses(plan.poses(recording), recorded, hand, recording.task, plan.subject)
+            write_poses(plan.poses(recording), recorded, hand, recording.task, plan.who.subject)
             if recording.role == "calibration":
                 continue
-            bad = (plan.subject, hand) == spoiled
+            bad = (plan.who.subject, hand) == spoiled
             scores = score_rows(key, [*plan.models.values()], simulated=simulated, spoiled=bad)
             rows["skeleton_scores"][plan.part(hand)] = scores
             rows["movement_cycles"][plan.part(hand)] = [
@@ -518,15 +519,15 @@ def compared(results: StudyResults) -> StudyResults:
     models = compare_models(scored_study(results))
     empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
     differences = [empty | row for row in models.differences]
-    return replace(results, model_values=models.values, model_differences=differences)
+    return results.with_rows(model_values=models.values, model_differences=differences)
 
 
 def scored_study(results: StudyResults) -> ScoredStudy:
     """Return what the stage reads of these results."""
     tables = {
-        "skeleton_scores": results.counted(results.scores),
-        "joint_errors": results.counted(results.joint_errors),
-        "recordings": results.recording_rows,
+        "skeleton_scores": results.counted(results.rows.skeleton_scores),
+        "joint_errors": results.counted(results.rows.joint_errors),
+        "recordings": results.rows.recordings,
     }
     frames = [
         pd.DataFrame.from_records(rows, columns=[column.name for column in TABLES[name].columns])

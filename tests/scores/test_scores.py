@@ -31,7 +31,7 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.layout import read_layout
-from shukotsu.study.study import Recording
+from shukotsu.study.study import Recording, Source
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import Provenance
 
@@ -151,8 +151,7 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
     write_truth(folder, simulated, Provenance())
     truth, poses = read_truth(folder, name), simulated.poses()
     true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
-    of_none = ("both", Path(), "", Path(), "", None, "", "")
-    recording = Recording(name.of_hand, "rom", "", *of_none)
+    recording = Recording(name.of_hand, "rom", "", "both", Source(Path(), "", Path()))
     return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
 
 

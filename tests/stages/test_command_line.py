@@ -17,7 +17,7 @@ from small_study import write_plans, write_study
 from shukotsu import command_line
 from shukotsu.errors import InputError, TableError
 from shukotsu.study import subject_stage
-from shukotsu.study.plan import read_plan
+from shukotsu.study.plan_file import read_plan
 from shukotsu.study.verdict import UNJUDGED
 from shukotsu.tables.catalogue import GAINS, JOINT_CENTRES, POSES
 from shukotsu.tables.parquet_files import naming_damage
@@ -92,13 +92,13 @@ def test_a_hand_alone_is_a_plan_of_its_poses(tmp_path: Path) -> None:
     alone = ["--layout", "liberty16", "--model", "rigid", "--calibration", rom, "--poses", pinch]
     arguments = options(*alone, "--hand-length-mm", 181, "--hand", "right")
     plan = subject_stage.plan_of(arguments)
-    assert (plan.subject, plan.hand_length_mm, plan.hand_breadth_mm) == ("01", 181.0, None)
+    assert (plan.who.subject, *plan.sizes_mm.values()) == ("01", 181.0, None)
     assert subject_stage.poses_files(plan) == [rom, pinch]
     assert plan.parts() == [RIGHT]
     assert [path.name for path in subject_stage.config_files(arguments)] == ["liberty16.yaml", "rigid.yaml"]
 
 
-def test_poses_of_another_recording_than_the_plan_says(tmp_path: Path) -> None:
+def test_poses_of_another_recording_than_the_plan_says_are_refused(tmp_path: Path) -> None:
     rows = ("01 right rom both a.csv", "01 right pinch both b.csv - - moved")
     plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     path = plan.poses(plan.recordings[0])
@@ -135,7 +135,7 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
         subject_stage.check_made_together(table, other)
 
 
-def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_running_out_of_memory_is_one_sentence_and_no_result(capsys: pytest.CaptureFixture[str]) -> None:
 
     def work(_: argparse.Namespace) -> None:
         raise pa.ArrowMemoryError("malloc of size 99 failed")

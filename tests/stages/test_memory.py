@@ -66,7 +66,7 @@ def long_poses(path: Path, n_frames: int) -> Path:
 
 
 @pytest.mark.slow
-def test_joints_metacarpals_and_tips_of_an_hour(tmp_path: Path) -> None:
+def test_joints_metacarpals_and_tips_of_an_hour_stay_within_a_gigabyte(tmp_path: Path) -> None:
     """16 receivers at 240 Hz, calibrated on and evaluated."""
     hour = long_poses(tmp_path / "hour.parquet", HOUR)
     solved, projected, joints, bones, metacarpals, tips, errors = (

@@ -54,14 +54,14 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
         ("wrist: !!python/name:os.system", "not valid YAML: could not determine a constructor"),
     ],
 )
-def test_a_mistake_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_a_mistake_in_a_configuration_is_named_with_its_key(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read(tmp_path, MODEL + text)
     assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: ")
     assert "\n" not in str(caught.value)
 
 
-def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:
+def test_a_layout_is_found_by_its_shipped_name_or_by_a_path(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").touch()
     assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
     assert config_path("arm", "layout", tmp_path).is_file()

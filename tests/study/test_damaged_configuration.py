@@ -15,7 +15,7 @@ from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import read_mapping
 from shukotsu.study.model import read_model
-from shukotsu.study.plan import StudyPlans, plan_text, read_plan
+from shukotsu.study.plan_file import StudyPlans, plan_text, read_plan
 from shukotsu.study.study import read_study
 from shukotsu.tables.poses import read_poses
 

@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
+from shukotsu.resources import ROOT
 from shukotsu.study import findings
+from shukotsu.study.config_files import read_yaml
 from shukotsu.study.findings import (
     MISTAKES,
     NOTE,
@@ -19,7 +21,6 @@ from shukotsu.study.findings import (
     Finding,
     Seen,
     faults,
-    kinds,
     problem_row,
     row_sentence,
     values_of,
@@ -62,6 +63,8 @@ EVIDENCE: dict[str, dict[str, Any]] = {
 
 GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
 EFFECT = {**GAPS, "effect": "closer"}
+
+KINDS = read_yaml(ROOT / "schemas" / "mistakes.yaml", "mistakes")
 
 
 def finding_of_key(key: str, **values: Any) -> Finding:
@@ -138,7 +141,7 @@ def test_kinds_are_those_of_the_contract() -> None:
         "axes-mirrored, receiver-turned, other-person, same-file, too-short, zeros, receivers-alike, "
         "cluster-not-rigid, receivers-absent, unchecked"
     )
-    assert ", ".join(kinds()) == expected
+    assert ", ".join(KINDS) == expected
 
 
 def test_accepting_makes_a_suspect_finding_a_note_with_the_reason() -> None:
@@ -150,15 +153,15 @@ def test_accepting_makes_a_suspect_finding_a_note_with_the_reason() -> None:
     assert Finding("units", SUSPECT, "radians").accept("").severity == SUSPECT
 
 
-def test_every_kind_and_variant_is_here() -> None:
-    assert {key.partition("/")[0] for key in MISTAKES} == {*kinds()}
+def test_the_examples_cover_every_kind_and_variant() -> None:
+    assert {key.partition("/")[0] for key in MISTAKES} == {*KINDS}
     assert {*findings.EVIDENCE} == {*EVIDENCE}
 
 
 @pytest.mark.parametrize("finding", examples(), ids=lambda each: f"{each.kind}-{each.variant}")
-def test_a_sentence_is_whole(finding: Finding) -> None:
+def test_every_findings_sentence_is_complete_and_its_columns_read_back(finding: Finding) -> None:
     message = finding.message
-    assert not message[0].islower() or finding.kind not in kinds()
+    assert not message[0].islower() or finding.kind not in KINDS
     assert not re.search(r"  |\{\w*\}|None|\[\]|: :|,,", message)
     columns = finding.columns
     again = Finding(columns["kind"], SUSPECT, columns["variant"], values_of(columns["values"]))

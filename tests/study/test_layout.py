@@ -44,7 +44,7 @@ def test_smaller_layouts_are_the_hand_with_fewer_receivers() -> None:
     assert not read_layout("arm").is_as(hand)
 
 
-def test_liberty16_is_a_hand() -> None:
+def test_liberty16_has_the_joints_and_digits_of_a_hand() -> None:
     layout = read_layout("liberty16")
     assert [layout.segments[s].receiver for s in layout.measured] == list(range(1, 18))
     assert [s for s in layout.measured if layout.segments[s].optional] == ["forearm"]
@@ -101,7 +101,7 @@ def test_a_contradiction_is_refused(tmp_path: Path, path: str, value: Any, messa
     assert str(caught.value).startswith(str(tmp_path / "finger.yaml"))
 
 
-def test_what_is_asked_of_a_joint_goes_by_the_limb(tmp_path: Path) -> None:
+def test_the_error_wanted_of_a_joint_depends_on_the_limb(tmp_path: Path) -> None:
     """A hand is known by its wrist or by its fingers' names; a layout may ask for anything."""
     wanted_mm = {name: read_layout(name).wanted_mm for name in shipped_names("layout")}
     assert wanted_mm.pop("arm") == 10.0

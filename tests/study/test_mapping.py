@@ -115,7 +115,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(config: dict[str, A
         (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: is 0; expected at least 1"),
     ],
 )  # fmt: skip
-def test_what_does_not_belong_together_is_refused(config: dict[str, Any], message: str) -> None:
+def test_contradictory_keys_of_a_mapping_are_refused(config: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         check(config)
     assert str(caught.value).startswith("mapping.yaml: ")

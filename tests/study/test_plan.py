@@ -10,9 +10,9 @@ from small_study import write_plans, write_study
 from shukotsu.study.findings import finding_of_text
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
-from shukotsu.study.plan import (
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.plan_file import (
     StudyPlans,
-    SubjectPlan,
     fit_part,
     plan_digest,
     plan_from_content,
@@ -49,25 +49,25 @@ def plan(folder: Path, *rows: str, subject: str = "01", **more: Any) -> SubjectP
     return plan_from_content(content(file, subject), "plan.json")
 
 
-def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_reads_back_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     file = write_study(Path("study"), *ROWS, models=("rigid", "whole-hand"), **SHEETS)
     path = write_plans(file)["01"]
     read, study = read_plan(path), read_study(file)
     assert read == plan_from_content(json.loads(path.read_text()), "again")
-    assert (read.study, read.subject, read.folder) == ("test", "01", Path("study/results/sub-01"))
-    assert (read.hand_length_mm, read.hand_breadth_mm) == (190.5, None)
+    assert (read.study, read.who.subject, read.folder) == ("test", "01", Path("study/results/sub-01"))
+    assert read.sizes_mm == {"hand_length_mm": 190.5, "hand_breadth_mm": None}
     assert [r.name for r in read.recordings] == ["rom", "opposition_1", "rom"]
     for recording, row in zip(read.recordings, study.of_session("01").recordings, strict=True):
         assert (recording.hand, recording.role, recording.exclude) == (row.hand, row.role, row.exclude)
-        assert recording.file == Path("study") / row.file_as_written
+        assert recording.source.file == Path("study") / row.source.file_as_written
     assert read.layouts == {hand: read_layout("liberty16") for hand in (RIGHT, LEFT)}
     assert list(read.models.values()) == [read_model("rigid"), read_model("whole-hand")]
-    (correction,), (measurement,) = read.corrections, read.measurements
+    (correction,), (measurement,) = read.rows["corrections"], read.rows["measurements"]
     assert correction.values | {"joint": "thumb_ip", "dz_mm": 3.5} == correction.values
     assert (measurement["quantity"], measurement["value_mm"]) == ("hand_breadth", 80.0)
     assert read.sheets["corrections"] == Path("study/sheets/corrections.tsv")
-    assert (read.touches, read.truth(read.recordings[0])) == ((), None)
+    assert (read.rows["touches"], read.recordings[0].truth) == ((), None)
 
 
 OTHER_ROW = "03 left rom both data/third.csv"

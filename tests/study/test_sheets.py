@@ -100,14 +100,14 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
          "row 2, column sd_mm: is '-1'; expected a number above zero"),
     ],
 )  # fmt: skip
-def test_a_bad_cell_is_named(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
+def test_a_bad_cell_is_refused_by_name(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
     path = written(tmp_path, lines)
     with pytest.raises(InputError, match=message) as caught:
         read_sheet(path, sheet)
     assert str(caught.value).startswith(f"{path}: ")
 
 
-def test_all_bad_cells_at_once_but_no_flood(tmp_path: Path) -> None:
+def test_the_first_five_bad_cells_are_reported_together(tmp_path: Path) -> None:
     lines = [CORRECTION[0], *(f"{n}\tleft\tj\tx\ty\t0" for n in range(8))]
     with pytest.raises(InputError) as caught:
         read_sheet(written(tmp_path, lines), CORRECTIONS)

@@ -20,7 +20,7 @@ def test_95_percent_are_inside_whatever_its_shape(sds: tuple[float, ...]) -> Non
     assert BALL_95 * 0.99 < radius / np.linalg.norm(sds) < 1.96
 
 
-def test_what_is_not_stated_is_not_judged() -> None:
+def test_an_error_without_a_covariance_is_not_judged() -> None:
     """A point that was set has no covariance; a flat one holds nothing off its plane; an sd is a ball."""
     parent, child = halves_mm2(np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]).ravel(), 1.0)
     assert is_within_95(np.zeros(3), parent) is None

@@ -10,7 +10,7 @@ from small_study import HEADER, write_study
 from shukotsu.errors import InputError
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.layout import read_layout
-from shukotsu.study.plan import StudyPlans, recordings_part
+from shukotsu.study.plan_file import StudyPlans, recordings_part
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
 from shukotsu.study.study import Study, correction_problems, factor_levels, read_study
 from shukotsu.tables.subjects import Hand, path_token
@@ -28,10 +28,10 @@ def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
         more="simulation: {folder: made, seed: 1}\nexports: [bvh]\n",
     )
     (recording,) = read.recordings
-    assert recording.file == tmp_path / "data" / "rom.csv"
-    assert recording.file_as_written == "data/rom.csv"
+    assert recording.source.file == tmp_path / "data" / "rom.csv"
+    assert recording.source.file_as_written == "data/rom.csv"
     assert read.sheets == {"recordings": tmp_path / "sheets" / "recordings.tsv"}
-    assert read.layout == recording.layout == CONFIG_FOLDER / "layouts" / "liberty16.yaml"
+    assert read.layout == recording.source.layout == CONFIG_FOLDER / "layouts" / "liberty16.yaml"
     assert list(read.models) == ["rigid", "paper-fig4"]
     assert read.exports == ("bvh",)
     assert read.simulation is not None
@@ -60,7 +60,7 @@ def test_the_study_s_mapping_is_that_of_rows_which_may_need_one(tmp_path: Path) 
     (tmp_path / "study.yaml").write_text(
         "study: s\nrecordings: recordings.tsv\nlayout: arm\nmapping: lab.yaml\nmodels: [rigid]\n"
     )
-    mappings = [recording.mapping for recording in read_study(tmp_path / "study.yaml").recordings]
+    mappings = [recording.source.mapping for recording in read_study(tmp_path / "study.yaml").recordings]
     assert mappings == [tmp_path / "lab.yaml", tmp_path / "own.yaml", None, None, None]
 
 
@@ -143,7 +143,7 @@ def test_sessions_are_kept_apart(tmp_path: Path) -> None:
     assert [hand.folder for hand in read.hands] == folders
     assert str(read.hands[1]) == "subject 01, session 2/b, right hand"
     (recording,) = read.of_session("01", "2/b").recordings
-    assert (recording.file_as_written, recording.pulses) == ("b.csv", "sync")
+    assert (recording.source.file_as_written, recording.pulses) == ("b.csv", "sync")
     assert recording.events == tmp_path / "b.mid"
     with pytest.raises(InputError, match="has no subject '01, session 3'; expected one of 01, session 1, "):
         read.of_session("01", "3")
@@ -157,7 +157,7 @@ def test_sessions_are_kept_apart(tmp_path: Path) -> None:
         ("01 right scale x", "row 2, column onset_s: is 'x'; expected a number"),
     ],
 )
-def test_events_are_of_one_recording(tmp_path: Path, row: str, message: str) -> None:
+def test_a_row_of_events_must_name_a_single_recording(tmp_path: Path, row: str, message: str) -> None:
     recordings = ("01 1 right scale both a.csv", "01 2 right scale both b.csv", "01 2 right rom both c.csv")
     with pytest.raises(InputError, match=message):
         study_of_sessions(tmp_path, *recordings, events=f"subject hand task onset_s\n{row}\n")
@@ -201,6 +201,6 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
         ("condition", "condition", "'condition' is a column of both sheets"),
     ],
 )
-def test_what_is_no_factor_is_refused(tmp_path: Path, factors: str, column: str, message: str) -> None:
+def test_a_wrong_factor_is_refused(tmp_path: Path, factors: str, column: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         study_of_factors(tmp_path, factors, column)

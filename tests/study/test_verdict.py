@@ -50,7 +50,7 @@ def test_the_verdict_follows_the_stated_error_and_doubts(
     assert row["status"] == status[expected]
 
 
-def test_numbers_of_every_doubt_the_weightiest_first() -> None:
+def test_doubts_are_listed_by_weight_with_their_numbers() -> None:
     row = judged_joint(ROW | {"sd_mm": 9.0, "range_deg": 6.25, "axis_sd_deg": 8.5}, FINGER_MM)
     assert [*json.loads(row["reason_values"]).items()] == [
         ("moved-too-little", {"range_deg": 6.25}),

@@ -8,14 +8,12 @@ import pytest
 
 from shukotsu.study.findings import NOTE, REFUSED, Finding, finding_of_text
 from shukotsu.study.recording_summary import recording_row
-from shukotsu.study.study import Recording
+from shukotsu.study.study import Recording, Source
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, write_failure, write_table
 
-RECORDING = Recording(
-    Hand("01", "right"), "rom", "2", "both", Path("a.csv"), "data/a.csv", Path("l"), "auto", None, "keep", ""
-)
+RECORDING = Recording(Hand("01", "right"), "rom", "2", "both", Source(Path("a.csv"), "data/a.csv", Path("l")))
 SEGMENTS = ("hand", "thumb", "index")
 N_FRAMES = 40
 

@@ -49,7 +49,7 @@ def moved_here() -> None:
 
 
 @pytest.mark.parametrize("change", [same_size_and_time, moved_here, lambda: Path("a").unlink()])
-def test_a_change_is_seen_by_content(
+def test_a_file_counts_as_changed_by_its_content(
     reads: list[str], change: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_digests, "SETTLED_NS", 0)
@@ -87,7 +87,7 @@ def test_notes_of_another_shape_are_as_if_there_were_none(text: str) -> None:
     assert made_from.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json"))) == ["a"]
 
 
-def test_a_program_is_its_version_and_in_a_checkout_its_files(
+def test_the_programs_digest_is_its_version_and_in_a_checkout_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_digests, "IN_CHECKOUT", False)

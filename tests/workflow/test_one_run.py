@@ -68,7 +68,7 @@ Disk = namedtuple("Disk", ("f_bavail", "f_frsize", "f_files", "f_favail"))
         ("", "out.parquet: cannot be written (No space left on device); make room and run again"),
     ],
 )
-def test_a_log_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
+def test_a_log_gives_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
     log = tmp_path / "a.log"
     log.write_text(text)
     for disk in (Disk(0, 4096, 9, 9), Disk(99, 4096, 9, 0)):
@@ -76,7 +76,7 @@ def test_a_log_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: s
         assert reason(log, ["out.parquet"]) == why
 
 
-def test_the_sentence_takes_the_place_of_the_command(
+def test_the_reason_replaces_snakemakes_report_of_the_failed_command(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(logging, "raiseExceptions", True)
@@ -100,7 +100,7 @@ def test_the_sentence_takes_the_place_of_the_command(
     assert caplog.messages[0].startswith("error: no room is left for files")
 
 
-def test_what_may_not_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwritable_outputs_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "made").touch()
     one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])
     with pytest.raises(InputError, match=r"made: is no folder, and results go into a folder there"):

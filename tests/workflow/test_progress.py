@@ -58,7 +58,7 @@ def test_a_terminal_has_one_line_that_is_updated() -> None:
     ]
 
 
-def test_elsewhere_lines_are_plain() -> None:
+def test_without_a_terminal_every_tenth_of_the_jobs_is_a_line() -> None:
     lines = [re.sub(r"about \d+ s", "about N s", line) for line in shown(io.StringIO())]
     assert lines == [
         "1 of 3 jobs done",
@@ -68,7 +68,7 @@ def test_elsewhere_lines_are_plain() -> None:
     ]
 
 
-def test_every_rule_is_in_plain_words() -> None:
+def test_every_rule_has_a_description_for_the_progress_line() -> None:
     rules = re.findall(r"^rule (\w+):", (REPOSITORY / "Snakefile").read_text("utf-8"), re.MULTILINE)
     assert {*rules} - {TARGET} == {*STAGES}
     assert not [doing for doing, _ in STAGES.values() if "_" in doing]

@@ -14,7 +14,8 @@ from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP
-from shukotsu.workflow.study_files import StudyFiles, study_file
+from shukotsu.workflow.study_file import study_file
+from shukotsu.workflow.study_files import StudyFiles
 
 ROWS = (
     "A&b right rom calibration data/a.csv",
@@ -212,7 +213,7 @@ def test_a_job_asks_for_more_the_longer_the_recordings_are_and_for_so_much_memor
     folder: Path,
 ) -> None:
     study, asked = files(folder), []
-    path = Path(study.subjects[-1].recordings[0].file)
+    path = Path(study.subjects[-1].recordings[0].source.file)
     path.parent.mkdir(parents=True)
     for size in (0, 10**8, 10**10, 10**11):
         with path.open("wb") as file:

@@ -52,7 +52,7 @@ from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import ENGLISH, language, listed, ngettext, punctuated, tr, translated, word
 
 PAGE_MM = 84.0
-"""How wide a page's picture is before the page gives it its width."""
+"""Width of a picture for a page, which scales it."""
 ROW_MM, FOOT_MM = 3.6, 9.0
 """Heights of a row, and of the words below the axes."""
 FEWEST_FOR_QUARTILES = 4
@@ -78,7 +78,7 @@ class Panel:
 
 
 def in_rows(panels: Sequence[Panel], across: int) -> list[Sequence[Panel]]:
-    """Return the panels in rows of so many."""
+    """Return the panels in rows of `across`."""
     return [panels[start : start + across] for start in range(0, len(panels), across)]
 
 
@@ -115,7 +115,7 @@ def print_figure(
 
 
 def page_figure(panel: Panel) -> Figure:
-    """Return one panel for a page, whose own words stand for the heading."""
+    """Return one panel for a page, without its heading, which the page has."""
     figure = _blank(PAGE_MM, panel.height_mm + panel.foot_mm)
     figure.patch.set_visible(False)
     panel.draw(figure.add_subplot())
@@ -228,11 +228,13 @@ class PanelRow:
         return [*self.numbers.values(), *([] if self.mean is None else [self.mean]), *(self.interval or ())]
 
 
-def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int = 0) -> None:
+def draw_rows(
+    axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int = 0, decimals: int = 1
+) -> None:
     """Draw named rows, the first on top: a dot a number, each name's as far aside in every row.
 
     of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
-    mean or median.
+    mean or median. decimals : of these, the same in every row, as tables have them.
     """
     row_axes(axes, [word(row.name) for row in rows], axis, scale, top=bool(of_all))
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
@@ -260,7 +262,7 @@ def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_
             markeredgewidth=0.6, markeredgecolor=PAPER,
         )  # fmt: skip
         if of_all:
-            note = number(middle, 1 if abs(middle) >= 1.0 else 2).replace("-", "−")
+            note = number(middle, decimals).replace("-", "−")
             note += f" (n = {len(values)})" if 0 < len(values) < of_all else ""
             _write_aside(axes, y, note, INK)
     if of_all:
@@ -278,7 +280,9 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     """Name rows from the top, with one free above if `top`, over a horizontal axis with a grid."""
     axes.set_ylim(len(names) - 0.5, -1.5 if top else -0.5)
     axes.set_yticks(range(len(names)))
-    axes.yaxis.set_major_formatter(FixedFormatter(["\n".join(map(_shortened, n.split("\n"))) for n in names]))
+    lines = [name.split("\n") for name in names]
+    short = [[w if len(w) <= ROW_LETTERS else w[: ROW_LETTERS - 1] + "…" for w in words] for words in lines]
+    axes.yaxis.set_major_formatter(FixedFormatter(["\n".join(words) for words in short]))
     axes.spines["left"].set_visible(False)
     axes.set_xscale(scale.kind)
     axes.set_xlim(scale.low, scale.high)
@@ -290,12 +294,8 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     axes.set_xlabel(axis)
 
 
-def _shortened(name: str) -> str:
-    return name if len(name) <= ROW_LETTERS else name[: ROW_LETTERS - 1] + "…"
-
-
 def locator(scale: Scale) -> Locator:
-    """Return what puts ticks at round numbers of the scale."""
+    """Return the locator that puts ticks at round numbers of the scale."""
     if scale.kind == "linear":
         return MaxNLocator(6, steps=[1, 2, 5, 10])
     span = scale.high / scale.low
@@ -343,27 +343,37 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
     names = [name for name, inside in zip(skeleton.points, near, strict=True) if not inside]
     absent = tr("Not in the picture: {names}.", names=listed(map(word, names))) if names else ""
     lines = wrap_text(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
-    middles = wide * scale / 2, (wide + _GUTTER_MM + deep / 2) * scale
-    draw = partial(
-        _draw_hand, motion=motion, skeleton=skeleton, views=flat(np.where(near[:, None], joints, np.nan)),
-        receivers=flat(receivers), middles=middles, scale=scale, lines=lines,
+    views = _HandViews(
+        joints=flat(np.where(near[:, None], joints, np.nan)),
+        receivers=flat(receivers),
+        middles=(wide * scale / 2, (wide + _GUTTER_MM + deep / 2) * scale),
         size=((wide + _GUTTER_MM + deep) * scale, tall * scale),
-    )  # fmt: skip
+        scale=scale,
+        lines=lines,
+    )
+    draw = partial(_draw_hand, motion=motion, skeleton=skeleton, views=views)
     return Panel("", title, tall * scale + _FOOT_MM + LINE_MM * len(lines), 0.0, draw)
 
 
-def _draw_hand(
-    axes: Axes,
-    motion: HandMotion,
-    skeleton: ShownSkeleton,
-    views: tuple[Array, Array],
-    receivers: tuple[Array, Array],
-    middles: tuple[float, float],
-    scale: float,
-    lines: list[str],
-    size: tuple[float, float],
-) -> None:
+@dataclass(frozen=True)
+class _HandViews:
+    """Two views of a hand, from its back and its side, in mm of the picture.
+
+    joints, receivers : positions (n, 2) in either. middles : where either is named. scale : mm a mm of the
+    hand. lines : words below.
+    """
+
+    joints: tuple[Array, Array]
+    receivers: tuple[Array, Array]
+    middles: tuple[float, float]
+    size: tuple[float, float]
+    scale: float
+    lines: list[str]
+
+
+def _draw_hand(axes: Axes, motion: HandMotion, skeleton: ShownSkeleton, views: _HandViews) -> None:
     """Draw bones in the colour of their digit, joints by verdict, receivers, names of digits and a scale."""
+    size, lines, scale = views.size, views.lines, views.scale
     looks = [look.colour for look in digit_looks(motion.digits).values()]
     axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
@@ -373,13 +383,13 @@ def _draw_hand(
         of_line.setdefault((2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT), []).append(bone)
     of_mark: dict[tuple[PlotMark, float], list[int]] = {}
     for index, (name, believed) in enumerate(zip(skeleton.points, skeleton.believed, strict=True)):
-        if not name.endswith("_tip") and np.isfinite(views[0][index]).all():
+        if not name.endswith("_tip") and np.isfinite(views.joints[0][index]).all():
             mark, mark_size = BELIEF_MARKS[believed], 5.6
             if believed == BELIEVED:
                 edge = looks[digit_of[index]] if index in digit_of else INK
                 mark, mark_size = PlotMark("o", PAPER, edge), 4.2
             of_mark.setdefault((mark, mark_size), []).append(index)
-    for joints, worn in zip(views, receivers, strict=True):
+    for joints, worn in zip(views.joints, views.receivers, strict=True):
         axes.plot(*worn.T, "s", color=SOFT, markersize=2.6, markeredgewidth=0.0, alpha=0.5, zorder=1)
         for (thick, colour), bones in of_line.items():
             ends = np.stack([joints[[bone.start for bone in bones]], joints[[bone.end for bone in bones]]], 1)
@@ -392,7 +402,7 @@ def _draw_hand(
             )  # fmt: skip
     taken: list[tuple[float, float, float]] = []
     for digit in motion.digits:
-        x, y = views[0][skeleton.points.index(f"{digit}_tip")]
+        x, y = views.joints[0][skeleton.points.index(f"{digit}_tip")]
         wide = width_mm(word(digit)) / 2 + 0.5
         y += 3.0
         while any(abs(x - at) < wide + reach and abs(y - height) < LINE_MM for at, height, reach in taken):
@@ -401,7 +411,7 @@ def _draw_hand(
             taken.append((x, y, wide))
             axes.text(x, y, word(digit), ha="center", va="center", fontsize=SMALL_PT)
     turned = tr("from the thumb's side") if "thumb" in motion.digits else tr("from the side")
-    for words, middle in zip((tr("from the back"), turned), middles, strict=True):
+    for words, middle in zip((tr("from the back"), turned), views.middles, strict=True):
         axes.text(middle, -1.0, words, ha="center", va="top", color=SOFT, fontsize=SMALL_PT)
     bar = size[0] - _BAR_MM * scale - 1.0, size[0] - 1.0
     axes.plot(bar, [-6.5, -6.5], marker="|", color=SOFT, linewidth=0.8, markersize=4.0)

@@ -51,7 +51,7 @@ from shukotsu.translation import N_, tr, word
 _STRIP_MM, _ANGLE_MM, _CURVE_MM, _MARKS = 20.0, 18.0, 28.0, 8
 """Heights, and about how many marks tell a line apart from others; they are no samples."""
 _GAP_STEPS = 1.9
-"""A step between valid samples that is so many times the usual one is a gap: one missing frame makes it 2."""
+"""A step between valid samples longer than this multiple of the median is a gap; a missing frame makes 2."""
 
 
 class CurveLook(NamedTuple):
@@ -125,7 +125,7 @@ class Trace(NamedTuple):
 
 
 def thin(x: Array, values: Array, columns: int) -> Trace | None:
-    """Thin numbers (T,), NaN where there is none, to so many columns of x; None where no number is valid."""
+    """Thin numbers (T,), NaN in gaps, to the given number of columns of x; None where all are NaN."""
     valid = np.isfinite(values)
     if not valid.any():
         return None
@@ -150,7 +150,7 @@ def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
 
 
 def _columns_for(n_lines: int) -> int:
-    """Return how many columns each of so many lines may take, so that the file stays small."""
+    """Return the number of columns for each of n_lines lines that keeps the file small."""
     return max(90, min(420, 5500 // max(1, n_lines)))
 
 
@@ -208,7 +208,7 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     ]
     rows = [
         row
-        for row in results.tip_errors
+        for row in results.rows.tip_errors
         if (row["binding"], row_key(row)) == (LEAST_SQUARES, recording_key(recording))
         and row["mean_mm"] is not None
     ]
@@ -276,7 +276,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
 
 
 _WithError = tuple[Trace, Trace | None, Trace | None]
-"""An angle, and the same less and plus its stated 1-sigma error; None where none is stated."""
+"""An angle, the angle minus and plus its stated 1-sigma error; None where no error is stated."""
 
 
 def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[_WithError]]:

@@ -71,7 +71,7 @@ from shukotsu.report.palette import (
 )
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
-from shukotsu.report.table_cells import alike, capital, heading
+from shukotsu.report.table_cells import QUANTITIES, alike, capital, heading
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Study
@@ -134,15 +134,17 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
             kind = ngettext(
                 "n = {n_of} subject, in-sample", "n = {n_of} subjects, in-sample", most, n_of=shown_n
             )
-        draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
+        decimals = QUANTITIES[each.metric].decimals
+        drawn = partial(_draw_models, rows=rows, axis=axis, scale=scale, decimals=decimals)
+        draw = partial(drawn, of_all=len(results.subjects))
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
 
 
-def _draw_models(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int) -> None:
-    """Draw rows of dots, and a line through the dots of every subject."""
-    draw_rows(axes, rows, axis, scale, of_all)
+def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any) -> None:
+    """Draw rows of dots, and a line through the dots of every subject; more : as of draw_rows."""
+    draw_rows(axes, rows, scale=scale, **more)
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
     y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scatter_steps(len(names))]
@@ -160,7 +162,7 @@ def models(results: StudyResults) -> tuple[Figure, str]:
         for name, panel in zip(panel_names(len(panels)), panels, strict=True)
     ]
     return print_figure(in_rows(panels, 2)), tr(
-        "Skeleton models held against each other. {study_text} A dot is a subject, the mean over hands, "
+        "Skeleton models compared. {study_text} A dot is a subject, the mean over hands, "
         "recordings and digits, and a line goes through one subject's dots; mark: mean; bar: its 95 % "
         "interval, from {n} subjects on. The replay's error says how well joints close and not where they "
         "are. {headings}",
@@ -240,9 +242,11 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
 
 def _errors_of_models(results: StudyResults, judged: JudgedModels) -> dict[str, _ModelErrors]:
     """Return means over the skeletons that the answer is of, held out or not, of a hand's joint."""
-    scored = {key_of(row, _SKELETON) for row in results.scores if row["held_out"] == judged.held_out}
+    scored = {
+        key_of(row, _SKELETON) for row in results.rows.skeleton_scores if row["held_out"] == judged.held_out
+    }
     values: dict[tuple[str, str, str, Hand], list[float]] = defaultdict(list)
-    for row in results.counted(results.joint_errors):
+    for row in results.counted(results.rows.joint_errors):
         if row["model"] in judged.references or key_of(row, _SKELETON) in scored:
             for kind, mm in (("error_mm", row["error_mm"]), ("sd_mm", row["sd_mm"])):
                 if mm is not None:
@@ -302,7 +306,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         "Which joints to believe: share of the study's hands [%] in which a joint is to be "
         "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
         "nothing contradicts that), with care (to {care} mm, or something is against it), not "
-        "(known less well still, contradicted, suspect, or failed), or has no result or no receiver. "
+        "(larger error, contradicted, suspect, or failed), or has no result or no receiver. "
         "{study_text} Made from all of the model's calibration recordings. Models that agree "
         "share a panel. A joint that a model does not have has no bar.",
         wanted=wanted_text(results.layouts.values()),
@@ -314,7 +318,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
 def _draw_trust(
     axes: Axes, joints: Sequence[str], beliefs: Mapping[str, Mapping[Hand, str]], hands: Sequence[Hand]
 ) -> None:
-    """Draw the shares of hands by what to believe of a joint; no bar where the model has no such."""
+    """Draw the shares of hands by verdict on each joint; no bar for joints that the model lacks."""
     row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
     rows = [(y, beliefs[joint]) for y, joint in enumerate(joints) if joint in beliefs]
     foot = np.zeros(len(rows))
@@ -367,7 +371,7 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
     if movement.ranges.empty:
         if movement.measured:
             raise NoDataError(
-                tr("every hand that has joint angles has a suspect finding, and counts in nothing")
+                tr("every hand with joint angles has a suspect finding and is left out of all statistics")
             )
         raise NoDataError(tr("no recording of this study has joint angles"))
     return print_figure(list(range_panels(movement).values())), tr(
@@ -461,7 +465,7 @@ def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tupl
     return print_figure(in_rows(panels, 2)), tr(
         "Levels of the study's factors: the numbers that the study file names, and those that differ most. "
         "{study_text} Model {model}. A dot is a subject, the mean over trials and sessions; where subjects "
-        "have both levels a line goes through their dots; mark: mean. Tests stand in movement_differences.",
+        "have both levels a line goes through their dots; mark: mean. Tests are in movement_differences.",
         study_text=study_text(results),
         model=movement.model,
     )

@@ -148,7 +148,7 @@ def width_mm(words: str) -> float:
 
 
 def wrap_text(text: str, width: int) -> list[str]:
-    """Return lines of at most so many Latin letters, as the fonts at hand can write them."""
+    """Wrap text to lines of at most `width` Latin letters that the installed fonts can write."""
     latin = width_mm(text) < 1.5 * width_mm("m") * len(text)
     return wrap(label(text), width if latin else width // 2, break_on_hyphens=False)
 

@@ -94,7 +94,7 @@ def view_of(
     frame = still_frame(motion, first)
     remarks = []
     if motion.every > 1:
-        remarks.append(tr("Of the recording one frame in {every} is here.", every=motion.every))
+        remarks.append(tr("One frame in {every} of the recording is shown.", every=motion.every))
     if not np.isfinite(motion.time_s).any():
         remarks.append(
             tr(

@@ -67,19 +67,21 @@ def test_a_dot_is_a_subject_and_the_mark_its_mean(twelve: StudyResults) -> None:
 
 def test_models_with_the_same_numbers_share_a_row(twelve: StudyResults) -> None:
     """A number that rests on joints alone is the same for models with the same joints."""
-    again = [row | {"model": "paper-fig3"} for row in twelve.model_values if row["model"] == "paper-fig4"]
+    again = [
+        row | {"model": "paper-fig3"} for row in twelve.rows.model_values if row["model"] == "paper-fig4"
+    ]
     named = replace(twelve, models={"paper-fig3": twelve.models["paper-fig4"], **twelve.models})
-    same = replace(named, model_values=[*twelve.model_values, *again])
+    same = named.with_rows(model_values=[*twelve.rows.model_values, *again])
     assert names_of(models(same)[0].axes[0])[:2] == ["whole-hand", "paper-fig3, paper-fig4"]
     twice = [row | {"value": 2 * row["value"]} if row["value"] else row for row in again]
-    apart = replace(named, model_values=[*twelve.model_values, *twice])
+    apart = named.with_rows(model_values=[*twelve.rows.model_values, *twice])
     assert names_of(models(apart)[0].axes[0])[:3] == ["whole-hand", "paper-fig3", "paper-fig4"]
 
 
 def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
     """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
-    blind = [{**row, "true_tip_mean_mm": None} for row in twelve.scores]
-    figure, caption = models(compared(replace(twelve, scores=blind, joint_errors=[])))
+    blind = [{**row, "true_tip_mean_mm": None} for row in twelve.rows.skeleton_scores]
+    figure, caption = models(compared(twelve.with_rows(skeleton_scores=blind, joint_errors=[])))
     left_out, replay = figure.axes
     assert "replay" in replay.get_xlabel()
     assert names_of(replay) == list(FITTED_MODELS)[::-1]
@@ -89,7 +91,7 @@ def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
 
 def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> None:
     axes = joint_errors(twelve)[0].axes[1]
-    rows = rows_where(twelve.joint_errors, model="whole-hand", calibrated_on="rom")
+    rows = rows_where(twelve.rows.joint_errors, model="whole-hand", calibrated_on="rom")
     for row, joint in enumerate(names_of(axes)):
         errors = [each["error_mm"] for each in rows_where(rows, joint=joint) if each["error_mm"] is not None]
         np.testing.assert_allclose(sorted(dots_of(axes)[row].values()), sorted(errors))
@@ -113,9 +115,9 @@ def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
 def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
     bones = [
         {**row, "length_mm": 40.0 + index % 7, "sd_mm": 0.5} if row["model"] == "whole-hand" else row
-        for index, row in enumerate(twelve.bones)
+        for index, row in enumerate(twelve.rows.bone_lengths)
     ]
-    panel = lengths_panel(replace(twelve, bones=bones), twelve.sessions[2], "whole-hand")
+    panel = lengths_panel(twelve.with_rows(bone_lengths=bones), twelve.sessions[2], "whole-hand")
     assert panel is not None
     axes = page_figure(panel).axes[0]
     drawn = [float(np.asarray(line.get_xdata())[0]) for line in axes.lines]
@@ -128,7 +130,7 @@ def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
 
 
 def test_a_study_without_any_score_says_so(twelve: StudyResults, fitted_study: MadeStudy) -> None:
-    empty = compared(replace(twelve, scores=[], joint_errors=[], joints=[], bones=[]))
+    empty = compared(twelve.with_rows(skeleton_scores=[], joint_errors=[], joint_centres=[], bone_lengths=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
         models(empty)
     drawings = list(of_study(empty, fitted_study.study))

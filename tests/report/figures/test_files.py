@@ -92,7 +92,7 @@ def test_text_stays_text_and_the_page_has_the_columns_width(
     assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawings[name].caption + "\n"
 
 
-def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path) -> None:
+def test_a_name_is_drawn_as_it_is_or_with_codes_for_missing_letters(tmp_path: Path) -> None:
     as_they_are = ["$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"]
     names = [*as_they_are, "山田", "a\tb\x07", "𝒳🖐"]
 

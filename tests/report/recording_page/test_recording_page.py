@@ -76,7 +76,7 @@ def test_poses_that_failed_leave_a_page_that_says_so(study: MadeStudy) -> None:
     results = study.recording_results(HOSTILE, "left")
     assert results.motion is None
     text = text_of(recording_page(results))
-    assert "Nothing moves here. opposition-A" in text
+    assert "There is no motion to show. opposition-A" in text
     assert "-left.csv: row 7, column x_mm: 'n/a' is <not> a number" in text
     assert "Right hand, same task" in text
 
