@@ -12,7 +12,7 @@ from typing import Any
 
 from shukotsu.errors import InputError, count_of, guess, list_names
 from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
-from shukotsu.study.file_formats import FORMATS
+from shukotsu.study.file_formats import AUTO, format_of
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
@@ -403,10 +403,6 @@ def _why_unusable(recording: Recording) -> str:
     return ""
 
 
-OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
-"""Endings of files that describe their own numbers; the study's mapping does not apply to them."""
-
-
 def _recordings(
     sheet: Path, folder: Path, layout: Path, mapping: Path | None, factors: Sequence[str]
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
@@ -420,7 +416,8 @@ def _recordings(
     units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS, factors):
         worn = config_path(row["layout"], "layout", folder) if row["layout"] else layout
-        needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
+        form = format_of(Path(row["file"]))
+        needs_none = row["format"] != AUTO or (form is not None and not form.takes_study_mapping)
         recording = Recording(
             Hand(row["subject"], row["hand"], row["session"]),
             row["task"],

@@ -276,7 +276,9 @@ def test_report_of_the_workflow(study: StudyRun, tmp_path: Path) -> None:
     """With what `make demo` installs: the report's own dependencies are in the lock."""
     done = study.snakemake("--report", str(tmp_path / "workflow.html"))
     assert done.returncode == 0, done.stderr
-    assert "solve_joints" in (tmp_path / "workflow.html").read_text("utf-8")
+    page = (tmp_path / "workflow.html").read_text("utf-8")
+    assert "solve_joints" in page
+    assert "Study test: " in page, "the caption of a figure"
 
 
 @pytest.fixture(scope="module")

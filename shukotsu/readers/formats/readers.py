@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
-from shukotsu.study.file_formats import AUTO, FORMATS, MAPPED
+from shukotsu.study.file_formats import AUTO, FORMATS, UNMAPPED, format_of, function_of
 from shukotsu.tables.text_files import open_text
 
 if TYPE_CHECKING:
@@ -28,23 +27,29 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     The recording comes part by part, at least one; what a part notes is of the whole recording.
     Raises InputError where the ending is none that is known, or is one that needs a mapping.
     """
+    from shukotsu.readers.samples import Samples
+
     if mapping is not None:
-        chosen = MAPPED[mapping.format]
+        function = FORMATS[mapping.format].mapped_reader
     else:
-        by_ending = (key for key, form in FORMATS.items() if path.name.lower().endswith(form.endings))
-        name = next(by_ending, "") if name == AUTO else name
-        if not name:
+        chosen = format_of(path) if name == AUTO else FORMATS[name]
+        if chosen is None or not chosen.reader:
             with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
                 pass
-            endings = ", ".join(ending for form in FORMATS.values() for ending in form.endings)
+            endings = ", ".join(ending for name in UNMAPPED for ending in FORMATS[name].endings)
             raise InputError(
                 f"{path}: the ending {path.suffix!r} does not say which format this is (known are "
-                f"{endings}); give --format {' or '.join(FORMATS)}, or a mapping: "
+                f"{endings}); give --format {' or '.join(UNMAPPED)}, or a mapping: "
                 "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
             )
-        chosen = FORMATS[name]
-    read = getattr(importlib.import_module(f"{__package__}.{chosen.module}"), chosen.function)
-    return read if chosen.in_parts else lambda path, layout, mapping: iter([read(path, layout, mapping)])
+        function = chosen.reader
+    read = function_of(__package__, function)
+
+    def parts(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
+        samples = read(path, layout, mapping)
+        return iter([samples]) if isinstance(samples, Samples) else samples
+
+    return parts
 
 
 def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:

@@ -508,11 +508,12 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
     return config
 
 
-def is_tidy(path: Path) -> bool:
-    """Return whether a text file's first line has the columns of a tidy recording."""
+def describe_text(path: Path, layout: Layout) -> Description:
+    """Describe a text file: a tidy recording where its first line has the columns of one, or any table."""
     with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
-    return _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))])
+    titles = [name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))]
+    return (describe_tidy_csv if _tidy_header(titles) else describe_table)(path, layout)
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
