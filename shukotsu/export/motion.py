@@ -40,7 +40,7 @@ from shukotsu.hand.rotations import conjugate, from_matrix, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
-from shukotsu.tables.device_clock import without_packets
+from shukotsu.tables.device_clock import nominal_rate_hz
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import file_sha256
@@ -344,15 +344,6 @@ def continuous(quaternion: Array) -> Array:
             turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
             out[finite, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
     return out
-
-
-def nominal_rate_hz(frame: Index, time_s: Array) -> float:
-    """Median frame rate, Hz; NaN without increasing times."""
-    step = np.diff(frame)
-    usual = step == (np.median(step) if len(step) else 0)
-    interval = np.diff(without_packets(time_s)[0])[usual]
-    interval = interval[np.isfinite(interval) & (interval > 0)]
-    return float(1.0 / np.median(interval)) if len(interval) else float("nan")
 
 
 def require_whole(motion: PosedRecording, path: Path, name: str) -> None:

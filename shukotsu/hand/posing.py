@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,10 +20,15 @@ from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, guess
 from shukotsu.hand.digit_chain import Rows, carried_mm, digit_chain, starts_at_wrist
 from shukotsu.hand.rotations import bone_frame, conjugate, from_matrix, mean_rotation, multiply, rotate
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
+from shukotsu.tables.device_clock import nominal_rate_hz
 from shukotsu.tables.poses import Poses, RecordingName
 from shukotsu.tables.typed_table import vector_of
+
+if TYPE_CHECKING:
+    import xarray
 
 _LEAST_RANGE_RAD = np.radians(1.0)
 """A joint that turns by less shows no axis."""
@@ -181,6 +186,48 @@ class PosedRecording:
         """Return positions (T, B, 3) in the frame of the root, which is at zero: x distal, z dorsal."""
         moved = self.position_mm - self.position_mm[:, :1]
         return rotate(conjugate(self.quaternion[:, :1]), moved)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the moving hand with named dimensions and units, as the package movement names them.
+
+        Returns
+        -------
+        xarray.Dataset
+            `position` (time, bone, space) in mm and `rotation` (time, bone, quaternion), bone to transmitter
+            frame, NaN in gaps. A bone has the name of the joint that it starts at; coordinates are its
+            `segment` and its parent's name, and each time's `frame` number. Time is in s, or is the frame
+            number where the recording has no device times.
+
+        Raises
+        ------
+        InputError
+            Where xarray is not installed.
+
+        """
+        try:
+            import xarray
+        except ModuleNotFoundError as error:
+            raise InputError("to_xarray: needs xarray; run `pip install shukotsu[xarray]`") from error
+        timed = bool(np.isfinite(self.time_s).all())
+        time = self.time_s if timed else self.frame
+        parents = [self.names[joint.parent] if joint.parent >= 0 else "" for joint in self.joints]
+        coordinates = {
+            "time": ("time", time, {"units": "s" if timed else "frames"}),
+            "space": [*"xyz"],
+            "quaternion": [*"wxyz"],
+            "bone": [*self.names],
+            "frame": ("time", self.frame),
+            "parent": ("bone", parents),
+            "segment": ("bone", [joint.segment for joint in self.joints]),
+        }
+        variables = {
+            "position": (("time", "bone", "space"), self.position_mm, {"units": "mm"}),
+            "rotation": (("time", "bone", "quaternion"), self.quaternion, {"units": "1"}),
+        }
+        rate_hz = nominal_rate_hz(self.frame, self.time_s)
+        attributes = vars(self.origin.recording) | {"model": self.origin.model, "layout": self.origin.layout}
+        attributes |= {"fs": rate_hz, "source_software": f"{PROGRAM} {VERSION}"}
+        return xarray.Dataset(variables, coordinates, attributes)
 
     def only(self, kept: Sequence[int]) -> PosedRecording:
         """Return some of the joints, each with its parent."""
