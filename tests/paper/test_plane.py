@@ -28,17 +28,7 @@ SAGITTAL = np.array([0.0, 1.0, 0.0])
 
 
 def cut(solution: JointSolution, *, parent: bool = False, normal: np.ndarray = SAGITTAL) -> Projection | None:
-    return project(
-        solution.p_mm,
-        solution.q_mm,
-        solution.null_parent,
-        solution.null_child,
-        solution.covariance_mm2,
-        np.radians(solution.axis_sd_deg),
-        plane_point_mm=np.zeros(3),
-        plane_normal=normal,
-        plane_in_parent=parent,
-    )
+    return project(solution, Plane("parent" if parent else "child", (0.0, 0.0, 0.0), (*normal,)))
 
 
 @given(SEEDS)
