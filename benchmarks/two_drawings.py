@@ -136,7 +136,7 @@ def simulated_hand(simulated: Simulated) -> Drawn:
 
 def _other(seed: int, hand: str) -> Drawn:
     person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
-    recording = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
+    recording = other_hands.record(person, hand, "calibration", seed, other_hands.Session(DURATION_S))
     return Drawn(
         recording.poses,
         hand,

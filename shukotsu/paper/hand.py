@@ -647,7 +647,7 @@ def _pose_recording(
     layout, model = plan.layouts[part.hand], plan.models[part.model]
 
     def posed_by_fit(segment: str, frames: Index) -> Array | None:
-        keys = (part, recording.task, recording.trial, "segment", [f"q{name}" for name in "wxyz"])
+        keys = (part, recording.task, recording.trial, [f"q{name}" for name in "wxyz"])
         with open_parts(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
             return parts.recording(*keys, len(frames), frames, segment).get(segment)
 

@@ -144,13 +144,13 @@ def long(tmp_path: Path) -> Path:
 
 
 def test_a_recordings_numbers_are_read_by_part_and_name(long: Path) -> None:
-    read_back = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
+    read_back = recording_numbers(long, METACARPALS, WHOLE, "rom", "", TURNS, 5)
     assert list(read_back) == ["thumb", "index"]
     for digit, values in read_back.items():
         np.testing.assert_array_equal(values, LONG[WHOLE, "rom", "", digit])
     for part, task, trial, digit in LONG:
-        other = recording_numbers(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
+        other = recording_numbers(long, METACARPALS, part, task, trial, ["qy"])[digit]
         np.testing.assert_array_equal(other[:, 0], LONG[part, task, trial, digit][:, 2])
-    assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
+    assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]
