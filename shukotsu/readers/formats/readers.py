@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from shukotsu.study.mapping import FileMapping
     from shukotsu.tracker.emulated_device import PlayedMotion
 
-    Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 
@@ -52,14 +51,6 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     return parts
 
 
-def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
-    """Return the same reader as `find_parts_reader`, one that gives the recording whole."""
-    from shukotsu.readers.samples import join_samples
-
-    read = find_parts_reader(path, name, mapping)
-    return lambda path, layout, mapping: join_samples(read(path, layout, mapping))
-
-
 def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> PlayedMotion:
     """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
 
@@ -68,11 +59,12 @@ def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -
     """
     import numpy as np
 
+    from shukotsu.readers.samples import join_samples
     from shukotsu.study.layout import read_layout
     from shukotsu.tracker.emulated_device import MAX_STATION, recorded_motion
 
     layout = read_layout(layout_name)
-    samples = find_reader(path, AUTO)(path, layout, None)
+    samples = join_samples(find_parts_reader(path, AUTO)(path, layout, None))
     receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
     receivers[receivers > MAX_STATION] = 0
     station = receivers[samples.segment]
