@@ -65,7 +65,9 @@ def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], o
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("shift", [None, np.array([3.0, -2.0, 5.0])])
-def test_gap_of_the_placed_centre(seed: int, shift: np.ndarray | None) -> None:
+def test_the_gap_of_a_placed_centre_is_that_measured_frame_by_frame(
+    seed: int, shift: np.ndarray | None
+) -> None:
     """gap_rms_mm after plane and correction is the gap measured frame by frame."""
     joint, row, chain = solved_row(seed, off_axis_rad=0.1, noise_mm=0.2)
     placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4-corrected"), shift)
