@@ -294,11 +294,30 @@ class ReceiverPoint:
 
 
 def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]) -> PosedRecording:
-    """Pose bones that receivers carry. metacarpals : (T, 4) by digit; a digit that lacks them has NaN.
+    """Pose the bones of a hand as its receivers carry them.
 
-    Of a model that fits the whole hand these are its bones as its receivers alone carry them, which the tips
-    table is made from. A digit of which a joint failed is left out. Raises InputError where the model asks
-    for a first joint of its own that no receiver measures.
+    The tips table is made from these bones, also for a model that fits the whole hand. A digit of which a
+    joint failed is left out.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Joints and bones of the hand.
+    poses : Poses
+        The receivers over T frames.
+    metacarpals : mapping
+        Digit -> quaternions (T, 4), bone to transmitter frame; NaN is taken for a digit that it lacks.
+
+    Returns
+    -------
+    PosedRecording
+        The bones, NaN where their receiver has no pose.
+
+    Raises
+    ------
+    InputError
+        Where the model asks for a first joint of its own that no receiver measures.
+
     """
     layout = skeleton.layout
     name, segment = root_names(layout)
@@ -338,8 +357,22 @@ def fitted_bones(
 ) -> PosedRecording:
     """Pose the bones of a hand that was fitted as a whole, as the fit posed them.
 
-    bone_poses : (T, 7) by segment, mm then quaternion. ends_mm : (T, 6) by digit, the ends of its last bone
-    and of the skin beyond, or (T, 3). The axis of a hinge is that which its bones turn about.
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Joints and bones of the hand.
+    poses : Poses
+        The receivers over T frames.
+    bone_poses : mapping
+        Segment -> poses (T, 7): position in mm, then quaternion, in the transmitter frame.
+    ends_mm : mapping
+        Digit -> end of its last bone and of the skin beyond, (T, 6), or of the bone alone, (T, 3).
+
+    Returns
+    -------
+    PosedRecording
+        The bones; the axis of a hinge is the one about which its bones turn.
+
     """
     layout, count = skeleton.layout, len(poses.frame)
     name, segment = root_names(layout)

@@ -111,7 +111,18 @@ def solve_recordings(
 
 
 def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> None:
-    """Add a block of poses to the moments of the joints."""
+    """Add a block of poses to the moments of joints.
+
+    Parameters
+    ----------
+    moments : JointMoments
+        Moments of the joints, changed in place.
+    block : Poses
+        Some frames of a recording.
+    joints : sequence of Joint
+        The joints, in the order of the moments.
+
+    """
     parents = np.array([block.index(joint.parent_receiver) for joint in joints])
     children = np.array([block.index(joint.child) for joint in joints])
     moments.add(relative_poses(block.quaternion, block.position_mm, block.valid, parents, children))

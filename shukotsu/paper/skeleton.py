@@ -44,8 +44,18 @@ _KEPT_OF_FAILED = (
 def merge_fitted(
     fitted_rows: Sequence[JointCentresRow], projected_rows: Sequence[JointCentresRow]
 ) -> list[JointCentresRow]:
-    """Rows of joint_centres: projected joints, replaced by the fit where it has them, then the fit's other
-    joints.
+    """Merge the joints of a whole-hand fit with those that were solved one by one.
+
+    Parameters
+    ----------
+    fitted_rows, projected_rows : sequence of dict
+        Rows of joint_centres from the fit, and from plane projection.
+
+    Returns
+    -------
+    list of dict
+        Projected joints in their order, replaced by the fit's where it has them, then the fit's other joints.
+
     """
     fitted = {row["joint"]: row for row in fitted_rows}
     merged: list[JointCentresRow] = []
@@ -81,10 +91,25 @@ def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
 def judge_hand(
     hand: BuiltHand, layout: Layout, suspicion: Doubts, worn: Collection[str] | None = None
 ) -> BuiltHand:
-    """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty.
+    """Add the verdict on every joint and bone.
 
-    worn : segments whose receivers have a pose in the calibration, all if None. A joint that these do not
-    measure has no numbers.
+    Parameters
+    ----------
+    hand : BuiltHand
+        The assembled hand.
+    layout : Layout
+        Layout of the hand, with the wanted accuracy.
+    suspicion : mapping
+        Doubts of a suspect recording; empty where there is none.
+    worn : collection of str, optional
+        Segments whose receivers have a pose in the calibration; all if omitted. A joint that these do not
+        measure loses its numbers.
+
+    Returns
+    -------
+    BuiltHand
+        The same hand with verdicts.
+
     """
     wanted_mm = layout.wanted_mm
     unworn = {} if worn is None else _unworn({row["joint"]: row for row in hand.joints}, layout, worn)
@@ -126,7 +151,21 @@ def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, li
 
 
 def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
-    """Doubts, by joint, about neighbouring MCP centres closer to each other than anatomically plausible."""
+    """Find neighbouring MCP centres that are closer to each other than is anatomically plausible.
+
+    Parameters
+    ----------
+    joints : mapping
+        Rows of joint_centres by joint.
+    layout : Layout
+        Layout of the hand.
+
+    Returns
+    -------
+    dict
+        Joint -> the doubt about it.
+
+    """
     knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
     doubts: dict[str, Doubts] = {}
     for pair in pairwise(joint for joint in knuckles if joint in joints):

@@ -49,7 +49,7 @@ FLAGS = {
     "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
     "broken-off": "from a moment on, for good, the receiver is not where its neighbours say; or until then",
 }
-"""What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
+"""Flags of a row and their meaning; bit i stands for the i-th flag. See docs/recordings.md."""
 INVALIDATING = (
     "device-error", "hemisphere-flip", "hemisphere-transit", "low-quality", "misfit", "spike", "broken-off"
 )  # fmt: skip
@@ -57,19 +57,19 @@ INVALIDATING = (
 NORM_TOLERANCE = 0.01
 """A quaternion whose length is off by more was not rounded: it is something else."""
 WILD_TIMES = 1e6
-"""So many times what half of a receiver's times span, and a second, no time of a recording is off."""
+"""Times farther from the median than this multiple of (interquartile range + 1 s) are dropped."""
 TWO_RECORDINGS = 10
-"""Frames in turn that stand twice with other poses are no slip of a counter."""
+"""From this many consecutive duplicated frames with other poses on, a file holds two recordings."""
 MANY_POSES = 20
-"""In so many, the coordinates of a receiver that moves are no whole numbers."""
+"""Fewest poses from which coordinates that are all whole numbers are taken for a counter."""
 BESIDE_MM = 200.0
-"""Nearer than this is a receiver to the next one of a body, and farther a transmitter."""
+"""Largest distance of neighbouring receivers on a body; a transmitter is farther away."""
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
 ROW_GROUP_FRAMES = 1 << 15
 """Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
 MEMORY_BYTES = 2 << 20
-"""How much of a segment's rows is kept in memory before it goes to a file."""
+"""Size from which on a segment's rows are kept in a file instead of in memory."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 _BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}

@@ -104,8 +104,25 @@ class Truth:
         ridden: tuple[Array, Array],
         recorded: tuple[Array, Array],
     ) -> Truth:
-        """Collect the truth of a recording; joints : those that are solved, with their degrees of freedom;
-        ridden, recorded : receivers on the skin, and as the tracker reports them.
+        """Collect the truth of a recording of T frames.
+
+        Parameters
+        ----------
+        joints : sequence of Joint
+            Joints between receivers, with their degrees of freedom.
+        hand, mounts : RandomHand, Mounts
+            The hand and its S receivers.
+        angles_rad : array, shape (T, J, 3)
+            Joint angles.
+        bones, ridden, recorded : tuple of array
+            Positions, mm, and quaternions in the transmitter frame: of the bones, of the receivers on the
+            skin, and of the receivers as the tracker reports them.
+
+        Returns
+        -------
+        Truth
+            The truth.
+
         """
         true_joints = {}
         for joint in joints:

@@ -444,7 +444,7 @@ def _time_of_tracker(unit: Unit, time: Array) -> Unit:
 
 
 _NEAREST_MM = 30.0
-"""About so far is the next receiver on a hand that wears one a phalanx."""
+"""Usual distance of neighbouring receivers on a hand with one per phalanx."""
 
 
 def _nearest(position: Array) -> str:
