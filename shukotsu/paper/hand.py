@@ -64,20 +64,11 @@ class Bone:
 
     def row(self) -> BoneLengthsRow:
         """Row of the bone_lengths table, without subject, hand, model and digit."""
-        vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
-        return {
-            "bone": self.segment,
-            "starts_at": self.starts_at,
-            "ends_at": self.ends_at,
-            "length_mm": self.length_mm,
-            "sd_mm": self.sd_mm,
-            "sd_over_frames_mm": self.sd_over_frames_mm,
-            "x_mm": vector[0],
-            "y_mm": vector[1],
-            "z_mm": vector[2],
-            "driven_by": self.driven_by,
-            "message": "",
-        }
+        x_mm, y_mm, z_mm = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
+        row: BoneLengthsRow = {"bone": self.segment, "x_mm": x_mm, "y_mm": y_mm, "z_mm": z_mm, "message": ""}
+        numbers: Any = {name: getattr(self, name) for name in (*LENGTHS, "sd_over_frames_mm", "driven_by")}
+        row |= numbers
+        return row
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -226,12 +226,8 @@ def place_joint(
     if solution["status"] == "failed":
         return row
     solved = solution_of(solution)
-    row |= {
-        "gap_rms_free_mm": solved.gap_rms_free_mm,
-        "range_deg": solved.range_deg,
-        "axis_sd_deg": solved.axis_sd_deg,
-        "n_effective": solved.n_effective,
-    }
+    numbers = ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")
+    row |= cast(Any, {name: getattr(solved, name) for name in numbers})
     row |= vector_columns("axis_parent_", solved.null_parent)
     row |= vector_columns("axis_child_", solved.null_child)
     placed = _projection(joint, solved, cut=model.planes.cut)
