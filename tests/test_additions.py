@@ -60,15 +60,9 @@ def add_reader(program: Path) -> None:
         '    commas.write_text(path.read_text().replace(";", ","))\n'
         "    return read_csv(commas, layout, mapping)\n"
     )
-    new = """    "semicolons": FileFormat(
-        (".ssv",),
-        "semicolons.read_semicolons",
-        "semicolons.read_semicolons",
-        "cells between semicolons",
-        "text_tables.describe_table",
-    ),
-"""
-    edit(program / "shukotsu" / "study" / "file_formats.py", "FORMATS = {\n", f"FORMATS = {{\n{new}")
+    options = "'semicolons.read_semicolons', 'semicolons', inspector='text_tables.describe_table'"
+    new = f'"semicolons": FileFormat((".ssv",), {options}),'
+    edit(program / "shukotsu" / "study" / "file_formats.py", "FORMATS = {\n", f"FORMATS = {{\n{new}\n")
 
 
 def add_export(program: Path) -> None:

@@ -75,11 +75,6 @@ def merge_fitted(
     return [*merged, *fitted.values()]
 
 
-def failed_joints(projected_rows: Sequence[JointCentresRow], message: str) -> list[JointCentresRow]:
-    """Rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
-    return [_without_numbers({**row, "source": "fit of the whole hand"}, message) for row in projected_rows]
-
-
 def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
     """A row of joint_centres of a joint that failed."""
     kept: Any = {name: value for name, value in row.items() if name in _KEPT_OF_FAILED}
@@ -206,7 +201,8 @@ def write_skeleton(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrit
         except TableError:
             raise
         except InputError as error:  # the reason goes into the rows
-            rows, fitted_bones = failed_joints(projected, str(error)), {}
+            of_fit: JointCentresRow = {"source": "fit of the whole hand"}
+            rows, fitted_bones = [_without_numbers({**row, **of_fit}, str(error)) for row in projected], {}
         hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
     parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
     keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}

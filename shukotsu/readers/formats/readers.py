@@ -29,10 +29,11 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     from shukotsu.readers.samples import Samples
 
     if mapping is not None:
-        function = FORMATS[mapping.format].mapped_reader
+        chosen = FORMATS[mapping.format]
+        function = chosen.mapped_reader or chosen.reader
     else:
-        chosen = format_of(path) if name == AUTO else FORMATS[name]
-        if chosen is None or not chosen.reader:
+        named = format_of(path) if name == AUTO else FORMATS[name]
+        if named is None or named.needs_mapping:
             with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
                 pass
             endings = ", ".join(ending for name in UNMAPPED for ending in FORMATS[name].endings)
@@ -41,7 +42,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
                 f"{endings}); give --format {' or '.join(UNMAPPED)}, or a mapping: "
                 "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
             )
-        function = chosen.reader
+        function = named.reader
     read = function_of(__package__, function)
 
     def parts(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
