@@ -32,13 +32,20 @@ from shukotsu.errors import count_of
 from shukotsu.export.kinematic_tree import (
     Body,
     JointForm,
-    body_fixed_rad,
     body_of,
     fixed_points,
     joint_forms,
     shortest_turn,
 )
-from shukotsu.export.motion import ALONE_HZ, BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
+from shukotsu.export.motion import (
+    ALONE_HZ,
+    BLOCK_FRAMES,
+    body_fixed_rad,
+    carrier,
+    facts_text,
+    require_times,
+    require_whole,
+)
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import conjugate, matrix, mean_rotation, multiply, rotate

@@ -509,22 +509,21 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
 
 
 def describe_text(path: Path, layout: Layout) -> Description:
-    """Describe a text file: a tidy recording where its first line has the columns of one, or any table."""
+    """Describe a text file: a tidy recording where its first line has the columns of one, or any table.
+
+    Raises InputError where the text is no table, or a cell of a tidy recording is not what its column holds.
+    """
     with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
-    titles = [name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))]
-    return (describe_tidy_csv if _tidy_header(titles) else describe_table)(path, layout)
+    if not _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))]):
+        return describe_table(path, layout)
+    table = open_tidy_csv(path)
+    blocks = table.blocks(wanted_columns(path, table.header))
+    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
     return {*REQUIRED} <= {*names} and not {SEGMENT, RECEIVER}.isdisjoint(names)
-
-
-def describe_tidy_csv(path: Path, layout: Layout) -> Description:
-    """Describe a tidy CSV file. Raises InputError where a cell is not what its column holds."""
-    table = open_tidy_csv(path)
-    blocks = table.blocks(wanted_columns(path, table.header))
-    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
 
 
 def describe_parquet(path: Path, layout: Layout) -> Description:
