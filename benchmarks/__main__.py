@@ -7,7 +7,7 @@ import importlib
 import os
 import sys
 
-from benchmarks.benchmark_table import write_tables
+from benchmarks.benchmark_table import add_people, write_tables
 
 BENCHMARKS = {
     "cost": "whole studies, and a whole hand fitted, posed and judged: time and memory",
@@ -29,6 +29,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog=f"python -m benchmarks {name}", description=benchmark.__doc__, allow_abbrev=False
     )
+    if hasattr(benchmark, "PEOPLE"):
+        add_people(parser, *benchmark.PEOPLE)
     if hasattr(benchmark, "add_options"):
         benchmark.add_options(parser)
     page, section = getattr(benchmark, "WRITTEN_TO", ("", ""))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
+from benchmarks.benchmark_table import PrintedTable, of_each_person
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.length_pulls import pull_rows
 from shukotsu.scores.agreement import ACROSS, Estimate, compare_pairs
@@ -21,16 +20,12 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import LengthPullsRow
 
 WRITTEN_TO = "accuracy.md", "agreement"
-FIRST_SEED, N_PEOPLE, N_FRAMES = 7000, 20, 6000
+PEOPLE, N_FRAMES = (20, 7000), 6000
 RECORDED = (("1", "rom"), ("1", "opposition"), ("2", "rom"))
 KINDS = ("thumb metacarpal", "metacarpal", "proximal", "middle", "distal")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, N_PEOPLE, FIRST_SEED)
-
-
-def run(n_hands: int = N_PEOPLE, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
+def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     """Return the table over that many people, of each both hands, in two sessions and two recordings."""
     rows = [row for person in of_each_person(one_person, n_hands, seed) for row in person]
     table: list[tuple[str | float | int, ...]] = []

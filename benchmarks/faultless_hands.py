@@ -64,7 +64,7 @@ def own_hand(
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     """Record an ordinary hand of the independent simulator; task : rom, opposition, grip, typing or piano.
 
-    The receiver over the thumb's metacarpal faces any way. recorded : options of `other_hands.record`.
+    The receiver over the thumb's metacarpal faces any way. recorded : fields of `other_hands.Session`.
     """
     facing = FACINGS[seed % len(FACINGS)]
     return _other(other_hands.draw_person(seed, thumb_facing=facing), seed, hand, task, **recorded)
@@ -75,7 +75,8 @@ FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
 
 def _other(person: other_hands.Person, seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     movement = "calibration" if task == "rom" else task
-    recording = other_hands.record(person, hand, movement, seed=seed, **{"duration_s": 7.5, **recorded})
+    session = other_hands.Session(**{"duration_s": 7.5, **recorded})
+    recording = other_hands.record(person, hand, movement, seed, session)
     return Planted(recording.poses, hand)
 
 

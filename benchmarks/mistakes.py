@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -11,7 +10,7 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.benchmark_table import Cell, PrintedTable, add_people, of_each_person
+from benchmarks.benchmark_table import Cell, PrintedTable, of_each_person
 from benchmarks.faultless_hands import (
     FINGERS,
     Planted,
@@ -29,7 +28,7 @@ from shukotsu.simulate.simulation import LAYOUT
 from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "mistakes-benchmark.md", "tables"
-FIRST_SEED = 9000
+PEOPLE = 30, 9000
 PAIRS = 4
 
 Tally = tuple[str, str, bool, bool]
@@ -45,11 +44,7 @@ Person = tuple[list[Alarm], list[Tally], list[Tally]]
 Mistake = Callable[[Planted, np.random.Generator], Planted]
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 30, FIRST_SEED)
-
-
-def run(n_hands: int = 30, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
+def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     """Return the tables over that many people."""
     alarms, single, pairs = (
         [row for rows in part for row in rows]

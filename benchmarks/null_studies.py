@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -85,22 +86,23 @@ def over_families(studies: int) -> PrintedTable:
 def _family_of_groups(n: int, m: int, columns: int, studies: int) -> tuple[Cell, ...]:
     rng = np.random.default_rng((SEED, n, m, columns))
 
-    def family(first: Array, second: Array) -> list[float]:
-        return [group_difference(*pair).p for pair in zip(first.T, second.T, strict=True)]
+    def family(mixture: tuple[str, float], shift: Array | float) -> list[float]:
+        shape, ratio = mixture
+        first = ratio * numbers(shape, rng, (n, columns)) + shift
+        pairs = zip(first.T, numbers(shape, rng, (m, columns)).T, strict=True)
+        return [group_difference(*pair).p for pair in pairs]
 
-    shares: list[Cell] = []
-    for shape, ratio in MIXTURES.values():
-        null = [
-            family(ratio * numbers(shape, rng, (n, columns)), numbers(shape, rng, (m, columns)))
-            for _ in range(studies)
-        ]
-        shares.append(percent([any_shown(p) for p in null]))
+    return (f"{n}, {m}", columns, *_shares(family, [*MIXTURES.values()], columns, studies))
+
+
+def _shares(
+    family: Callable[[Any, Array | float], list[float]], shapes: Sequence[Any], columns: int, studies: int
+) -> list[Cell]:
+    """Percent of studies that show something: by shape, where nothing differs, and of the first, shifted."""
+    shares: list[Cell] = [percent([any_shown(family(s, 0.0)) for _ in range(studies)]) for s in shapes]
     shift = SHIFT * (np.arange(columns) == 0)
-    moved = [
-        holm(family(rng.normal(size=(n, columns)) + shift, rng.normal(size=(m, columns))))[0]
-        for _ in range(studies)
-    ]
-    return (f"{n}, {m}", columns, *shares, percent([p is not None and p <= LEVEL for p in moved]))
+    p = [holm(family(shapes[0], shift))[0] for _ in range(studies)]
+    return [*shares, percent([value is not None and value <= LEVEL for value in p])]
 
 
 def within_families(studies: int) -> PrintedTable:
@@ -125,14 +127,11 @@ def within_families(studies: int) -> PrintedTable:
 
 def _family_of_differences(n: int, columns: int, shared: float, studies: int) -> tuple[Cell, ...]:
     rng = np.random.default_rng((SEED, n, columns, round(10 * shared)))
-    shares: list[Cell] = []
-    for shape in SHAPES:
-        null = [correlate_columns(shape, rng, (n, columns), shared) for _ in range(studies)]
-        shares.append(percent([any_shown([sign_flip_p(d) for d in family.T]) for family in null]))
-    shift = SHIFT * (np.arange(columns) == 0)
-    moved = [correlate_columns("normal", rng, (n, columns), shared) + shift for _ in range(studies)]
-    p = [holm([sign_flip_p(d) for d in family.T])[0] for family in moved]
-    return (n, columns, shared, *shares, percent([value is not None and value <= LEVEL for value in p]))
+
+    def family(shape: str, shift: Array | float) -> list[float]:
+        return [sign_flip_p(d) for d in (correlate_columns(shape, rng, (n, columns), shared) + shift).T]
+
+    return (n, columns, shared, *_shares(family, SHAPES, columns, studies))
 
 
 def over_cores(

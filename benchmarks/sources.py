@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, PrintedTable, add_people, of_each_person
+from benchmarks.benchmark_table import Cell, PrintedTable, of_each_person
 from benchmarks.two_drawings import (
     DURATION_S,
     JOINT_TYPES,
@@ -37,7 +36,7 @@ from shukotsu.simulate.task_motion import TaskMotion
 from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "accuracy.md", "sources"
-FIRST_SEED = 7100
+PEOPLE = 10, 7100
 
 SHIPPED = "none: as shipped"
 
@@ -253,11 +252,7 @@ class Fitted:
     lengths: tuple[LengthError, ...]
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 10, FIRST_SEED)
-
-
-def run(n_hands: int = 10, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
+def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     """Return the tables over that many hands of every source."""
     hands = of_each_person(partial(one_hand, seed), n_hands * len(LEFT_OUT), seed)
     left_out = [hand for hand in hands if hand.source not in (RIG, SHIPPED)]

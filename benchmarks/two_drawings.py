@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks import other_hands
-from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
+from benchmarks.benchmark_table import PrintedTable, of_each_person
 from benchmarks.faultless_hands import FACINGS, true_halves
 from shukotsu.arrays import Array
 from shukotsu.fit.chain_builder import KINDS
@@ -26,7 +25,8 @@ from shukotsu.study.verdict import BELIEVE, judged_joint
 from shukotsu.tables.poses import Poses
 
 WRITTEN_TO = "accuracy.md", "two drawings"
-FIRST_SEED, DURATION_S = 9500, 25.0
+PEOPLE = 24, 9500
+DURATION_S = 25.0
 FAR_MM, COVERED_95_SD = 5.0, 1.96
 POSED_FRAMES = 150
 JOINT_TYPES = {
@@ -95,11 +95,7 @@ class LengthError:
     inside: bool
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 24, FIRST_SEED)
-
-
-def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
+def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     """Return the tables over that many hands of each drawing."""
     hands = [
         hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
@@ -136,7 +132,7 @@ def simulated_hand(simulated: Simulated) -> Drawn:
 
 def _other(seed: int, hand: str) -> Drawn:
     person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
-    recording = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
+    recording = other_hands.record(person, hand, "calibration", seed, other_hands.Session(DURATION_S))
     return Drawn(
         recording.poses,
         hand,

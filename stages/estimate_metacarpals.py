@@ -31,7 +31,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def estimate(arguments: argparse.Namespace) -> None:
     """Build every skeleton of the plan, write the three tables."""
-    from shukotsu.paper.hand import write_skeleton
+    from shukotsu.paper.skeleton import write_skeleton
     from shukotsu.tables.parts import opened_once
 
     plan = subject_stage.plan_of(arguments)

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.readers.formats.readers import find_reader
+from shukotsu.readers.formats.readers import find_parts_reader
 from shukotsu.readers.poses_table import PosesTable
-from shukotsu.readers.samples import Samples
+from shukotsu.readers.samples import Samples, join_samples
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.mapping import mapping_from_config
 
@@ -27,7 +27,7 @@ WHO = ("--layout=liberty16", "--subject=01", "--hand=right", "--task=rom")
 def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:
     """Read a recording by the content of a mapping, or by its ending."""
     checked = None if mapping is None else mapping_from_config(mapping, "mapping.yaml")
-    return find_reader(path, "auto", checked)(path, layout, checked)
+    return join_samples(find_parts_reader(path, "auto", checked)(path, layout, checked))
 
 
 def refuse(path: Path, message: str, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> None:

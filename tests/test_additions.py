@@ -60,9 +60,9 @@ def add_reader(program: Path) -> None:
         '    commas.write_text(path.read_text().replace(";", ","))\n'
         "    return read_csv(commas, layout, mapping)\n"
     )
-    line = '    "sequence": FileFormat((".mha", ".nrrd"), "sequence", "read_sequence"),\n'
-    new = '    "semicolons": FileFormat((".ssv",), "semicolons", "read_semicolons", in_parts=True),'
-    edit(program / "shukotsu" / "study" / "file_formats.py", line, f"{line}{new}\n")
+    options = "'semicolons.read_semicolons', 'semicolons', inspector='text_tables.describe_table'"
+    new = f'"semicolons": FileFormat((".ssv",), {options}),'
+    edit(program / "shukotsu" / "study" / "file_formats.py", "FORMATS = {\n", f"FORMATS = {{\n{new}\n")
 
 
 def add_export(program: Path) -> None:
@@ -101,10 +101,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory, hand: SimulatedHand) -> Pat
     rows = [f"{i};{i / 240};{name};{i % 7};{k};0.5;1;0;0;0" for i in range(40)
             for k, name in enumerate(("hand", "index_proximal"))]  # fmt: skip
     (folder / "rom.ssv").write_text("\n".join(["frame;time_s;segment;x_mm;y_mm;z_mm;qw;qx;qy;qz", *rows, ""]))
+    text = "format: semicolons\nposition_unit: mm\nreceivers: {hand: {value: 1}}\n"
+    (folder / "mapping.yaml").write_text(text, "utf-8")
+    rows = "subject\thand\ttask\trole\tfile\tformat\n01\tright\trom\tboth\trom.ssv\tsemicolons\n"
+    (folder / "recordings.tsv").write_text(rows, "utf-8")
+    text = "study: mine\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [mine]\nexports: [frames]\n"
+    (folder / "study.yaml").write_text(text, "utf-8")
     commands = (
         "stage solve_joints --poses poses.parquet --layout liberty16 --model mine --out joints.parquet",
         "stage check_recordings --poses metres.parquet --layout liberty16 --out findings.parquet",
         "import --in rom.ssv --out read.parquet --subject 01 --hand right --task rom --layout liberty16",
+        "import --in rom.ssv --out mapped.parquet --subject 01 --hand right --task rom --layout liberty16 "
+        "--mapping mapping.yaml",
+        "inspect rom.ssv",
+        "new drafted --recordings .",
+        "stage plan --study study.yaml --results . --subject 01 --out plan.json",
         f"stage export --plan {hand.plan_path} --model {FITTED} --formats frames --out exports",
     )
     done = subprocess.run(
@@ -132,8 +143,11 @@ def test_an_added_column_is_written_with_its_unit(folder: Path) -> None:
     assert rows.schema.field("n_words").metadata[b"unit"] == b"words"
 
 
-def test_an_added_reader_imports_its_format(folder: Path) -> None:
-    assert pq.read_table(folder / "read.parquet").num_rows >= 80
+def test_an_added_reader_is_used_by_import_mapping_and_new(folder: Path) -> None:
+    """The plan of a study whose sheet names it would have ended in exit code 2 without it."""
+    for name in ("read", "mapped"):
+        assert pq.read_table(folder / f"{name}.parquet").num_rows >= 80
+    assert "rom.ssv" in (folder / "drafted" / "recordings.tsv").read_text("utf-8")
 
 
 def test_an_added_format_is_exported(folder: Path, hand: SimulatedHand) -> None:

@@ -5,6 +5,6 @@ poses with the project's simulator.
 """
 
 from benchmarks.other_hands.person import Person, draw_person
-from benchmarks.other_hands.recording import DrawnRecording, record, true_centres
+from benchmarks.other_hands.recording import DrawnRecording, Session, record, true_centres
 
-__all__ = ["DrawnRecording", "Person", "draw_person", "record", "true_centres"]
+__all__ = ["DrawnRecording", "Person", "Session", "draw_person", "record", "true_centres"]

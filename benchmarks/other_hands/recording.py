@@ -38,26 +38,26 @@ class DrawnRecording:
     true_lengths_mm: dict[str, float]
 
 
-def record(
-    person: Person,
-    side: str,
-    task: str,
-    *,
-    seed: int,
-    duration_s: float = 25.0,
-    rate_hz: float = 240.0,
-    forearm: bool = False,
-    stiff: tuple[str, ...] = (),
-    dropouts: bool = False,
-) -> DrawnRecording:
+@dataclass(frozen=True)
+class Session:
+    """How to record. forearm : whether a receiver is worn there; stiff : joints that hardly move."""
+
+    duration_s: float = 25.0
+    rate_hz: float = 240.0
+    forearm: bool = False
+    stiff: tuple[str, ...] = ()
+    dropouts: bool = False
+
+
+def record(person: Person, side: str, task: str, seed: int, session: Session = Session()) -> DrawnRecording:
     """Record a person's hand at a task of `gestures`, with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
-    stiff : joints of the layout that hardly move.
     """
+    rate_hz, forearm = session.rate_hz, session.forearm
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
-    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
-    angles_deg = move_joints(person, task, moves, time_s, stiff)
+    time_s = np.arange(round(session.duration_s * rate_hz)) / rate_hz
+    angles_deg = move_joints(person, task, moves, time_s, session.stiff)
     stands = np.random.default_rng([person.seed, 35])  # the table to the transmitter, maybe upside down
     turns_deg = [stands.uniform(-180, 180), stands.choice([0.0, 180.0])]
     stands_so = Rotation.from_euler("zx", turns_deg, degrees=True)
@@ -85,7 +85,7 @@ def record(
     frame, seen = np.arange(len(time_s), dtype=np.int64), np.ones(position_mm.shape[:2], bool)
     measured = measure(person, position_mm, facing, tracker)
     true_pose = Poses(names, frame, time_s, position_mm, quaternions(facing, seen.shape), seen)
-    if dropouts:  # short gaps, now and then of all receivers at once
+    if session.dropouts:  # short gaps, now and then of all receivers at once
         seen = seen.copy()
         for _ in range(tracker.integers(4, 12)):
             first = int(tracker.integers(0, len(seen)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
-from shukotsu.study.file_formats import FORMATS, MAPPED
+from shukotsu.study.file_formats import FORMATS, format_of, function_of
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 
@@ -115,8 +115,8 @@ def describe(path: Path, layout: Layout | str) -> Description:
     with reading(path, "a recording", "expected a recording"):
         if not check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
-    name = path.name.lower()
-    if name.endswith(FORMATS["capture"].endings):
+    form = format_of(path) or FORMATS["csv"]
+    if form is FORMATS["capture"]:  # also where only the recorder is installed, without YAML
         from shukotsu.readers.inspection.description import Description
         from shukotsu.tracker.survey import describe as describe_capture
 
@@ -124,22 +124,13 @@ def describe(path: Path, layout: Layout | str) -> Description:
     from shukotsu.study.layout import read_layout
 
     layout = read_layout(layout) if isinstance(layout, str) else layout
-    if name.endswith(MAPPED["c3d"].endings):
-        from shukotsu.readers.inspection.c3d_files import describe_c3d
-
-        return describe_c3d(path, layout)
-    if name.endswith(FORMATS["parquet"].endings):
-        from shukotsu.readers.inspection.text_tables import describe_parquet
-
-        return describe_parquet(path, layout)
-    if name.endswith(FORMATS["xdf"].endings + FORMATS["sequence"].endings):
+    if not form.inspector:
         raise InputError(
             f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
             "where its names are no segments, write a mapping (docs/mappings.md)"
         )
-    from shukotsu.readers.inspection.text_tables import describe_table, describe_tidy_csv, is_tidy
-
-    return (describe_tidy_csv if is_tidy(path) else describe_table)(path, layout)
+    description: Description = function_of("shukotsu.readers.inspection", form.inspector)(path, layout)
+    return description
 
 
 main = command_line.script(build_parser, inspect)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu import command_line
 from shukotsu.commands.inspect_file import describe
 from shukotsu.errors import InputError, count_of, list_names
-from shukotsu.study.file_formats import FORMATS, MAPPED
+from shukotsu.study.file_formats import FORMATS
 from shukotsu.tables.line_printer import progress
 
 if TYPE_CHECKING:
@@ -25,10 +25,8 @@ STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
 """Language of the comments and of the report -> the template."""
 COLUMNS = ("subject", "hand", "task", "role", "file")
 MORE_COLUMNS = ("session", "trial", "mapping")
-"""Columns that a drafted sheet has where some recording has a value for them."""
-RECORDINGS = {
-    ending for form in (*FORMATS.values(), *MAPPED.values()) for ending in form.endings if ending != ".txt"
-}
+"""Columns that a drafted sheet has where a recording gives them something to hold."""
+RECORDINGS = {ending for form in FORMATS.values() for ending in form.endings if ending != ".txt"}
 """Endings of files that may be recordings; texts beside them are mostly notes."""
 BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
 """Endings of the tables beside recordings in Motion-BIDS."""

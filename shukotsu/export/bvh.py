@@ -23,7 +23,6 @@ import numpy as np
 
 from shukotsu.errors import count_of
 from shukotsu.export.gaps import largest_time_error_s
-from shukotsu.export.kinematic_tree import turn_angles
 from shukotsu.export.motion import (
     ALONE_HZ,
     MOVES_MM,
@@ -32,6 +31,7 @@ from shukotsu.export.motion import (
     require_rate,
     require_whole,
     rest_pose,
+    turn_angles,
 )
 from shukotsu.export.registry import FORMATS
 from shukotsu.export.rigging import ascii_name

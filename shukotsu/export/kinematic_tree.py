@@ -28,7 +28,7 @@ from itertools import permutations
 
 import numpy as np
 
-from shukotsu.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, continuous_angles, local_motion
+from shukotsu.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, local_motion, turn_angles
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
@@ -37,7 +37,6 @@ from shukotsu.hand.rotations import (
     about_axis,
     angle,
     conjugate,
-    matrix,
     mean_rotation,
     multiply,
     rotate,
@@ -168,31 +167,6 @@ def fixed_points(
     names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
     carried = [carrier(motion, index) for index in tips]
     return [(name, places[above], at_mm) for name, (above, at_mm) in zip(names, carried, strict=True)]
-
-
-def turn_angles(relative: Array, axes: Array) -> Array:
-    """Turns (T, 3) in rad of rotations (T, 4) about three axes at right angles, carried one by the other.
-
-    axes : (3, 3) rows, right- or left-handed. R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3); continuous
-    over the frames, so that values may leave a turn; q2 of the first frame is within [-pi / 2, pi / 2].
-    """
-    hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
-    basis = axes * hand[:, None]
-    angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
-    return np.asarray(continuous_angles(angles) * hand)
-
-
-def body_fixed_rad(rotation: Array) -> Array:
-    """Angles (..., 3) about x, y, z of rotation matrices (..., 3, 3), R = Rx Ry Rz, as OpenSim turns frames.
-
-    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
-    """
-    m = rotation
-    first = np.arctan2(-m[..., 1, 2], m[..., 2, 2])
-    sine, cosine = np.sin(first)[..., None], np.cos(first)[..., None]
-    side, front = cosine * m[..., 1, :] + sine * m[..., 2, :], cosine * m[..., 2, :] - sine * m[..., 1, :]
-    second = np.arctan2(m[..., 0, 2], front[..., 2])
-    return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
 
 
 def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array) -> tuple[Coordinate, ...]:

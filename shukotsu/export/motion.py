@@ -36,14 +36,39 @@ from shukotsu.errors import InputError
 from shukotsu.hand.neutral_bones import at_rest
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import PosedRecording, rigid_positions
-from shukotsu.hand.rotations import conjugate, from_matrix, multiply, rotate
+from shukotsu.hand.rotations import conjugate, from_matrix, matrix, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
-from shukotsu.tables.device_clock import without_packets
+from shukotsu.tables.device_clock import nominal_rate_hz
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import file_sha256
+
+
+def turn_angles(relative: Array, axes: Array) -> Array:
+    """Turns (T, 3) in rad of rotations (T, 4) about three axes at right angles, carried one by the other.
+
+    axes : (3, 3) rows, right- or left-handed. R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3); continuous
+    over the frames, so that values may leave a turn; q2 of the first frame is within [-pi / 2, pi / 2].
+    """
+    hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
+    basis = axes * hand[:, None]
+    angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
+    return np.asarray(continuous_angles(angles) * hand)
+
+
+def body_fixed_rad(rotation: Array) -> Array:
+    """Angles (..., 3) about x, y, z of rotation matrices (..., 3, 3), R = Rx Ry Rz, as OpenSim turns frames.
+
+    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
+    """
+    m = rotation
+    first = np.arctan2(-m[..., 1, 2], m[..., 2, 2])
+    sine, cosine = np.sin(first)[..., None], np.cos(first)[..., None]
+    side, front = cosine * m[..., 1, :] + sine * m[..., 2, :], cosine * m[..., 2, :] - sine * m[..., 1, :]
+    second = np.arctan2(m[..., 0, 2], front[..., 2])
+    return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
 
 
 def continuous_angles(angles_rad: Array) -> Array:
@@ -344,15 +369,6 @@ def continuous(quaternion: Array) -> Array:
             turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
             out[finite, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
     return out
-
-
-def nominal_rate_hz(frame: Index, time_s: Array) -> float:
-    """Median frame rate, Hz; NaN without increasing times."""
-    step = np.diff(frame)
-    usual = step == (np.median(step) if len(step) else 0)
-    interval = np.diff(without_packets(time_s)[0])[usual]
-    interval = interval[np.isfinite(interval) & (interval > 0)]
-    return float(1.0 / np.median(interval)) if len(interval) else float("nan")
 
 
 def require_whole(motion: PosedRecording, path: Path, name: str) -> None:

@@ -32,13 +32,20 @@ from shukotsu.errors import count_of
 from shukotsu.export.kinematic_tree import (
     Body,
     JointForm,
-    body_fixed_rad,
     body_of,
     fixed_points,
     joint_forms,
     shortest_turn,
 )
-from shukotsu.export.motion import ALONE_HZ, BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
+from shukotsu.export.motion import (
+    ALONE_HZ,
+    BLOCK_FRAMES,
+    body_fixed_rad,
+    carrier,
+    facts_text,
+    require_times,
+    require_whole,
+)
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import conjugate, matrix, mean_rotation, multiply, rotate
@@ -158,7 +165,11 @@ def model_xml(
 
 def add(parent: ET.Element, tag: str, name: str, **properties: str) -> ET.Element:
     """Add an object of OpenSim, an element with a name, and in it one for every property."""
-    element = ET.SubElement(parent, tag, name=name)
+    return fill(ET.SubElement(parent, tag, name=name), **properties)
+
+
+def fill(element: ET.Element, **properties: str) -> ET.Element:
+    """Add an element for every property to an element; return it."""
     for key, text in properties.items():
         ET.SubElement(element, key).text = text
     return element
@@ -193,26 +204,18 @@ def _add_body(parent: ET.Element, form: JointForm, solid: Body) -> None:
         frame = ET.SubElement(components, "PhysicalOffsetFrame", name=f"bone{number}")
         size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
         _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
-        ET.SubElement(frame, "socket_parent").text = ".."
-        ET.SubElement(frame, "translation").text = metres(span / 2)
         turn = body_fixed_rad(matrix(shortest_turn(_Y, span / length)))
-        ET.SubElement(frame, "orientation").text = numbers(turn)
+        fill(frame, socket_parent="..", translation=metres(span / 2), orientation=numbers(turn))
     _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=metres(0.06 * solid.length_mm))
-    ET.SubElement(body, "mass").text = numbers([solid.mass_kg])
-    ET.SubElement(body, "mass_center").text = metres(solid.middle_mm)
-    ET.SubElement(body, "inertia").text = " ".join(
-        f"{value:.9g}" for value in (*solid.inertia_kg_m2, 0, 0, 0)
-    )
+    inertia = " ".join(f"{value:.9g}" for value in (*solid.inertia_kg_m2, 0, 0, 0))
+    fill(body, mass=numbers([solid.mass_kg]), mass_center=metres(solid.middle_mm), inertia=inertia)
 
 
 def _add_shape(parent: ET.Element, kind: str, name: str, colour: str, **size: str) -> None:
     shapes = ET.SubElement(parent, "attached_geometry")
     shape = add(shapes, kind, name, socket_frame="..", scale_factors="1 1 1")
-    look = ET.SubElement(shape, "Appearance")
-    ET.SubElement(look, "opacity").text = "1"
-    ET.SubElement(look, "color").text = colour
-    for key, text in size.items():
-        ET.SubElement(shape, key).text = text
+    fill(ET.SubElement(shape, "Appearance"), opacity="1", color=colour)
+    fill(shape, **size)
 
 
 def _add_joint(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from shukotsu.hand.rotations import Array, conjugate, rotate
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses
+from shukotsu.tables.typed_table import vector_of
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow
@@ -79,18 +80,16 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
             reason = rows[joint]["message"] if joint in rows else "no receiver was worn on both sides of it"
             return f"{joint} failed: {reason}"
     base = needed[0]
-    base_point = _point(rows[base], "child") if at_wrist else _point(rows[base], "parent")
+    base_point = vector_of(rows[base], "child_" if at_wrist else "parent_", "_mm")
     child = tuple(
-        _point(rows[joint], "child") if joint in needed and layout.segments[segment].measured else None
+        vector_of(rows[joint], "child_", "_mm")
+        if joint in needed and layout.segments[segment].measured
+        else None
         for joint, segment in zip(digit.joints, digit.segments, strict=True)
     )
-    after = tuple(_point(rows[joint], "parent") for joint in digit.joints[1:])
+    after = tuple(vector_of(rows[joint], "parent_", "_mm") for joint in digit.joints[1:])
     receivers = tuple(segment for segment in digit.segments if layout.segments[segment].measured)
     return DigitChain(digit, at_wrist, receivers, base_point, child, (*after, np.zeros(3)))
-
-
-def _point(row: Mapping[str, Any], side: str) -> Array:
-    return np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"], float)
 
 
 def segment_quaternions(poses: Poses, segment: str) -> Array:

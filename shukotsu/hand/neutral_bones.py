@@ -30,7 +30,25 @@ from shukotsu.study.layout import Layout
 def to_nail_side(
     layout: Layout, hand: str, joints: Sequence[SkeletonJoint], quaternion: Array
 ) -> dict[int, Array]:
-    """Rotation (4,) that turns a thumb's metacarpal to its nail's side, by index; none where it faces it."""
+    """Rotation that turns a thumb's metacarpal to its nail's side, where it faces the back of the hand.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    hand : str
+        right or left.
+    joints : sequence of SkeletonJoint, length B
+        The bones.
+    quaternion : array, shape (T, B, 4)
+        Bone to transmitter frame, NaN in gaps.
+
+    Returns
+    -------
+    dict
+        Index of the metacarpal -> quaternion (4,) in its bone frame; empty where it faces the nail's side.
+
+    """
     places = {(joint.digit, joint.segment): i for i, joint in enumerate(joints) if not joint.tip}
     thumbs = [d for d in known_digits(layout) if d.name == "thumb" and ("thumb", d.segments[0]) in places]
     if not thumbs:
@@ -48,7 +66,25 @@ def to_nail_side(
 def bone_angles_deg(
     layout: Layout, hand: str, bones: PosedRecording, facing: Mapping[int, Array]
 ) -> dict[str, Array]:
-    """Flexion, deviation and axial rotation (T, 3) of known joints; facing : as of `to_nail_side`."""
+    """Angles of the joints of known anatomy (docs/movement.md).
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    hand : str
+        right or left.
+    bones : PosedRecording
+        The hand over T frames.
+    facing : mapping
+        As `to_nail_side` returns it.
+
+    Returns
+    -------
+    dict
+        Joint -> flexion, deviation and axial rotation (T, 3), deg; NaN in gaps.
+
+    """
     rests = neutral_rotations(layout, hand, bones.joints)
     turned = {
         index: multiply(bones.quaternion[:, index], facing[index])
@@ -64,10 +100,21 @@ def bone_angles_deg(
 
 
 def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
-    """Return the bones with their constant parts, a thumb's metacarpal facing its nail's side.
+    """Add a posed hand's offsets, rest and neutral rotations; a thumb's metacarpal faces its nail's side.
 
-    Rotations are means over time; so are offsets where bone lengths do not wholly say them, NaN without a
-    frame. The root's are zero and no turn.
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    bones : PosedRecording
+        The hand over T frames.
+
+    Returns
+    -------
+    PosedRecording
+        Rest rotations are means over time, and so are offsets that bone lengths do not determine, NaN
+        without a frame. The root has zero offset and no rotation.
+
     """
     hand, quaternion, axis = bones.hand, bones.quaternion.copy(), bones.axis.copy()
     facing = to_nail_side(layout, hand, bones.joints, quaternion)
@@ -143,12 +190,23 @@ def _of_hand(quaternion: Array, hand: str) -> Array:
 
 
 def faces_nail(relative: Array, at_nail: Array, at_hand: Array) -> bool:
-    """Whether the metacarpal's receiver faces the nail's side, by the facing that most frames are nearer to.
+    """Whether a thumb's metacarpal faces the nail's side: the facing to which most frames are nearer.
 
-    relative : (T, 3, 3) rotation from the proximal phalanx's receiver to the metacarpal's, where both are
-    valid; frames x distal, y = z x x, z dorsal. at_nail, at_hand : (3, 3) the same of a straight average
-    thumb, its metacarpal facing one way and the other. All three of the same hand, right or left, whose
-    twists are mirrored. Without a frame it is the back of the hand.
+    All three rotations are of the same hand, right or left, whose twists are mirrored. Frames have x distal
+    and z dorsal.
+
+    Parameters
+    ----------
+    relative : array, shape (T, 3, 3)
+        Rotation from the proximal phalanx's receiver to the metacarpal's, in frames in which both are valid.
+    at_nail, at_hand : array, shape (3, 3)
+        The same of a straight average thumb whose metacarpal faces the nail's side or the back of the hand.
+
+    Returns
+    -------
+    bool
+        False without a frame.
+
     """
     twist = _twist_rad(relative)
     off_nail, off_hand = (

@@ -167,8 +167,7 @@ class RecordingReader:
         or with every=False for those that have one.
         name : of one segment, digit or joint alone. Returns nothing where there is no row of the recording.
         """
-        by = next(column for column in ("segment", "joint", "digit") if column in table.key)
-        key = self.part, self.recording.task, self.recording.trial, by
+        key = self.part, self.recording.task, self.recording.trial
         count = self.n_frames if frames is None and every else None
         with self.opened(self.tables(table.name), table) as parts:
             return parts.recording(*key, columns, count, frames, name)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,10 +20,15 @@ from shukotsu.arrays import Array, Bools, Index
 from shukotsu.errors import InputError, guess
 from shukotsu.hand.digit_chain import Rows, carried_mm, digit_chain, starts_at_wrist
 from shukotsu.hand.rotations import bone_frame, conjugate, from_matrix, mean_rotation, multiply, rotate
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
+from shukotsu.tables.device_clock import nominal_rate_hz
 from shukotsu.tables.poses import Poses, RecordingName
 from shukotsu.tables.typed_table import vector_of
+
+if TYPE_CHECKING:
+    import xarray
 
 _LEAST_RANGE_RAD = np.radians(1.0)
 """A joint that turns by less shows no axis."""
@@ -182,6 +187,48 @@ class PosedRecording:
         moved = self.position_mm - self.position_mm[:, :1]
         return rotate(conjugate(self.quaternion[:, :1]), moved)
 
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the moving hand with named dimensions and units, as the package movement names them.
+
+        Returns
+        -------
+        xarray.Dataset
+            `position` (time, bone, space) in mm and `rotation` (time, bone, quaternion), bone to transmitter
+            frame, NaN in gaps. A bone has the name of the joint that it starts at; coordinates are its
+            `segment` and its parent's name, and each time's `frame` number. Time is in s, or is the frame
+            number where the recording has no device times.
+
+        Raises
+        ------
+        InputError
+            Where xarray is not installed.
+
+        """
+        try:
+            import xarray
+        except ModuleNotFoundError as error:
+            raise InputError("to_xarray: needs xarray; run `pip install shukotsu[xarray]`") from error
+        timed = bool(np.isfinite(self.time_s).all())
+        time = self.time_s if timed else self.frame
+        parents = [self.names[joint.parent] if joint.parent >= 0 else "" for joint in self.joints]
+        coordinates = {
+            "time": ("time", time, {"units": "s" if timed else "frames"}),
+            "space": [*"xyz"],
+            "quaternion": [*"wxyz"],
+            "bone": [*self.names],
+            "frame": ("time", self.frame),
+            "parent": ("bone", parents),
+            "segment": ("bone", [joint.segment for joint in self.joints]),
+        }
+        variables = {
+            "position": (("time", "bone", "space"), self.position_mm, {"units": "mm"}),
+            "rotation": (("time", "bone", "quaternion"), self.quaternion, {"units": "1"}),
+        }
+        rate_hz = nominal_rate_hz(self.frame, self.time_s)
+        attributes = vars(self.origin.recording) | {"model": self.origin.model, "layout": self.origin.layout}
+        attributes |= {"fs": rate_hz, "source_software": f"{PROGRAM} {VERSION}"}
+        return xarray.Dataset(variables, coordinates, attributes)
+
     def only(self, kept: Sequence[int]) -> PosedRecording:
         """Return some of the joints, each with its parent."""
         new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
@@ -247,11 +294,30 @@ class ReceiverPoint:
 
 
 def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]) -> PosedRecording:
-    """Pose bones that receivers carry. metacarpals : (T, 4) by digit; a digit that lacks them has NaN.
+    """Pose the bones of a hand as its receivers carry them.
 
-    Of a model that fits the whole hand these are its bones as its receivers alone carry them, which the tips
-    table is made from. A digit of which a joint failed is left out. Raises InputError where the model asks
-    for a first joint of its own that no receiver measures.
+    The tips table is made from these bones, also for a model that fits the whole hand. A digit of which a
+    joint failed is left out.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Joints and bones of the hand.
+    poses : Poses
+        The receivers over T frames.
+    metacarpals : mapping
+        Digit -> quaternions (T, 4), bone to transmitter frame; NaN is taken for a digit that it lacks.
+
+    Returns
+    -------
+    PosedRecording
+        The bones, NaN where their receiver has no pose.
+
+    Raises
+    ------
+    InputError
+        Where the model asks for a first joint of its own that no receiver measures.
+
     """
     layout = skeleton.layout
     name, segment = root_names(layout)
@@ -292,8 +358,22 @@ def fitted_bones(
 ) -> PosedRecording:
     """Pose the bones of a hand that was fitted as a whole, as the fit posed them.
 
-    bone_poses : (T, 7) by segment, mm then quaternion. ends_mm : (T, 6) by digit, the ends of its last bone
-    and of the skin beyond, or (T, 3). The axis of a hinge is that which its bones turn about.
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Joints and bones of the hand.
+    poses : Poses
+        The receivers over T frames.
+    bone_poses : mapping
+        Segment -> poses (T, 7): position in mm, then quaternion, in the transmitter frame.
+    ends_mm : mapping
+        Digit -> end of its last bone and of the skin beyond, (T, 6), or of the bone alone, (T, 3).
+
+    Returns
+    -------
+    PosedRecording
+        The bones; the axis of a hinge is the one about which its bones turn.
+
     """
     layout, count = skeleton.layout, len(poses.frame)
     name, segment = root_names(layout)

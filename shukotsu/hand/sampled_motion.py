@@ -31,7 +31,21 @@ class SampledMotion:
 
 
 def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
-    """Rotations (S, 3, 3) from distal, lateral-by-right-hand-rule and dorsal axes to the receivers' own."""
+    """Rotations from the distal, lateral and dorsal axes of segments to the axes of their receivers.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand, which says how each receiver sits on its bone.
+    segments : tuple of str, length S
+        Segments that carry receivers.
+
+    Returns
+    -------
+    array, shape (S, 3, 3)
+        Columns distal, lateral (dorsal x distal) and dorsal in the receiver's frame.
+
+    """
     distal = np.array([layout.segments[name].distal for name in segments])
     dorsal = np.array([layout.segments[name].dorsal for name in segments])
     return np.stack([distal, np.cross(dorsal, distal), dorsal], -1)
@@ -40,7 +54,25 @@ def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
 def motion_of(
     position_mm: Array, quaternion: Array, valid: npt.NDArray[np.bool_], axes: Array, hand: str
 ) -> SampledMotion:
-    """Frames of a recording in which most receivers are seen, spread over it; a left hand is mirrored."""
+    """Sample frames in which most receivers are seen, spread over a recording, as a right hand.
+
+    Parameters
+    ----------
+    position_mm, quaternion : array, shape (T, S, 3) and (T, S, 4)
+        Receivers in the transmitter frame.
+    valid : array of bool, shape (T, S)
+        Whether there is a pose.
+    axes : array, shape (S, 3, 3)
+        As `receiver_axes` returns them.
+    hand : str
+        right or left; a left hand is mirrored.
+
+    Returns
+    -------
+    SampledMotion
+        At most FRAMES frames.
+
+    """
     seen = valid.sum(1)
     rows = np.flatnonzero(seen >= 0.8 * seen.max()) if len(seen) and seen.max() else np.zeros(0, int)
     rows = rows[np.linspace(0, len(rows) - 1, min(FRAMES, len(rows))).round().astype(int)]

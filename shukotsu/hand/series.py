@@ -19,9 +19,20 @@ _FEWEST = 0.25
 
 
 def angle_range(angle: Float[Array, " T"], weights: Float[Array, " T"] | None = None) -> float:
-    """The range of an angle (T,) without gaps, one frame at least, in its own unit.
+    """Range of an angle, from its 2.5th to its 97.5th percentile, in its own unit.
 
-    weights : (T,) positive, how much each frame counts; None for all alike.
+    Parameters
+    ----------
+    angle : array, shape (T,)
+        Without gaps, of one frame at least.
+    weights : array, shape (T,), optional
+        Positive weights of the frames; all alike if omitted.
+
+    Returns
+    -------
+    float
+        The range.
+
     """
     if weights is None:
         low, high = np.percentile(angle, [LOW_PERCENT, HIGH_PERCENT])
@@ -33,9 +44,20 @@ def angle_range(angle: Float[Array, " T"], weights: Float[Array, " T"] | None = 
 
 
 def flattening(angle_rad: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Weights (N,), of mean 1, that make the histogram of the angles (N,) flat between its outermost 1 %.
+    """Weights of mean 1 that make the histogram of angles flat between its outermost 1 %.
 
     Frames beyond belong to the outermost bins and are kept: the extremes say most about the centre.
+
+    Parameters
+    ----------
+    angle_rad : array, shape (N,)
+        Angles, rad.
+
+    Returns
+    -------
+    array, shape (N,)
+        A weight for each frame.
+
     """
     low, high = np.percentile(angle_rad, [1, 99])
     position = (angle_rad - low) / max(high - low, 1e-12) * _BINS
@@ -51,10 +73,24 @@ _ODD_FACTORS = (1, 3, 5, 9, 15, 25, 45, 75, 225)
 def effective_samples(series: Float[Array, "B C"], variance: float, n_frames: int) -> float:
     """Number of independent samples among n_frames, from the autocorrelation of a series.
 
-    series : (B, C) means over short batches in the order of time; variance : of single frames, summed
-    over the C components. The variance of the mean is the sum of the autocovariances over B. The sum
-    stops where they first cross zero: what follows is noise or, in a task done over and over, the same
-    error again with the other sign, which would count as many samples what is one.
+    The variance of the mean is the sum of the autocovariances over B. The sum stops where they first cross
+    zero: what follows is noise or, in a repeated task, the same error with the other sign, which would count
+    one sample several times.
+
+    Parameters
+    ----------
+    series : array, shape (B, C)
+        Means over short batches, in the order of time.
+    variance : float
+        Variance of single frames, summed over the C components.
+    n_frames : int
+        Number of frames.
+
+    Returns
+    -------
+    float
+        Between 1 and n_frames.
+
     """
     blocks = len(series)
     if blocks < 4 or variance <= 0.0:

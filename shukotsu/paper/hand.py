@@ -7,39 +7,22 @@ otherwise at the distal receiver.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 
 from shukotsu.arrays import Array, Bools, Index
-from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, segment_quaternions
-from shukotsu.hand.measured import not_measured_text, not_worn
 from shukotsu.hand.rotations import about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
 from shukotsu.paper.posture import Posture, Reference, estimate_posture
 from shukotsu.paper.wrist import wrist_row
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
-from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.study import Recording
-from shukotsu.study.verdict import (
-    LEAST_KNUCKLES_MM,
-    NOT_WORN,
-    SUSPECT,
-    TOO_CLOSE,
-    UNJUDGED,
-    Doubts,
-    judged_bone,
-    judged_joint,
-)
-from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, JOINT_CENTRES
-from shukotsu.tables.parts import Opened, Part, PartsWriter, read_part
-from shukotsu.tables.poses import Poses, PosesReader, poses_reader, seen_segments, usable_poses
-from shukotsu.tables.typed_table import rows_of
+from shukotsu.tables.catalogue import DISTAL_RECEIVER
+from shukotsu.tables.poses import Poses, PosesReader
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
@@ -81,20 +64,11 @@ class Bone:
 
     def row(self) -> BoneLengthsRow:
         """Row of the bone_lengths table, without subject, hand, model and digit."""
-        vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
-        return {
-            "bone": self.segment,
-            "starts_at": self.starts_at,
-            "ends_at": self.ends_at,
-            "length_mm": self.length_mm,
-            "sd_mm": self.sd_mm,
-            "sd_over_frames_mm": self.sd_over_frames_mm,
-            "x_mm": vector[0],
-            "y_mm": vector[1],
-            "z_mm": vector[2],
-            "driven_by": self.driven_by,
-            "message": "",
-        }
+        x_mm, y_mm, z_mm = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
+        row: BoneLengthsRow = {"bone": self.segment, "x_mm": x_mm, "y_mm": y_mm, "z_mm": z_mm, "message": ""}
+        numbers: Any = {name: getattr(self, name) for name in (*LENGTHS, "sd_over_frames_mm", "driven_by")}
+        row |= numbers
+        return row
 
 
 @dataclass(frozen=True)
@@ -394,12 +368,6 @@ def _flags(gap: Bools, twist_singular: Bools, swing_singular: Bools) -> pa.Array
     return _FLAG_TEXTS.take(pa.array(code))
 
 
-_KEPT_OF_FAILED = (
-    *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
-)
-"""Columns that a row keeps where the fit failed, or nobody wore a receiver."""
-
-
 @dataclass(frozen=True)
 class BuiltHand:
     """Rows of joint_centres and bone_lengths, and the digits whose metacarpal is posed."""
@@ -498,171 +466,3 @@ def pose_metacarpals(
             posed = None if fitted is None else fitted(metacarpal.bone.segment, poses.frame)
             columns = metacarpal_columns(metacarpal, layout, model, poses, neutral, posed)
             yield {"digit": metacarpal.chain.digit.name, **columns}
-
-
-def merge_fitted(
-    fitted_rows: Sequence[JointCentresRow], projected_rows: Sequence[JointCentresRow]
-) -> list[JointCentresRow]:
-    """Rows of joint_centres: projected joints, replaced by the fit where it has them, then the fit's other
-    joints.
-    """
-    fitted = {row["joint"]: row for row in fitted_rows}
-    merged: list[JointCentresRow] = []
-    for projected in projected_rows:
-        row = fitted.pop(projected["joint"], None)
-        if row is None:
-            merged.append(projected)
-            continue
-        merged.append(  # with what only the joint-wise solution has
-            {
-                **row,
-                "gap_rms_free_mm": projected["gap_rms_free_mm"],
-                "n_frames": projected["n_frames"],
-                "n_effective": projected["n_effective"],
-            }
-        )
-    return [*merged, *fitted.values()]
-
-
-def failed_joints(projected_rows: Sequence[JointCentresRow], message: str) -> list[JointCentresRow]:
-    """Rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
-    return [_without_numbers({**row, "source": "fit of the whole hand"}, message) for row in projected_rows]
-
-
-def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
-    """A row of joint_centres of a joint that failed."""
-    kept: Any = {name: value for name, value in row.items() if name in _KEPT_OF_FAILED}
-    failed: JointCentresRow = {"status": "failed", "message": message}
-    failed |= UNJUDGED | kept
-    return failed
-
-
-def judge_hand(
-    hand: BuiltHand, layout: Layout, suspicion: Doubts, worn: Collection[str] | None = None
-) -> BuiltHand:
-    """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty.
-
-    worn : segments whose receivers have a pose in the calibration, all if None. A joint that these do not
-    measure has no numbers.
-    """
-    wanted_mm = layout.wanted_mm
-    unworn = {} if worn is None else _unworn({row["joint"]: row for row in hand.joints}, layout, worn)
-    rows = [
-        _without_numbers(row, not_measured_text(unworn[row["joint"]])) if row["joint"] in unworn else row
-        for row in hand.joints
-    ]
-    close = knuckles_too_close({row["joint"]: row for row in rows}, layout)
-    doubts: dict[str, Doubts] = {
-        joint: {NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()
-    }
-    joints = {
-        row["joint"]: judged_joint(
-            row, wanted_mm, {**suspicion, **close.get(row["joint"], {}), **doubts.get(row["joint"], {})}
-        )
-        for row in rows
-    }
-    gone = {name for name, digit in layout.digits.items() if unworn.keys() >= {*digit.joints} & joints.keys()}
-    why = "not measured: no receiver on this digit"
-    bones: list[BoneLengthsRow] = [
-        {**bone, "length_mm": None, "sd_mm": None, "message": why} if bone["digit"] in gone else bone
-        for bone in hand.bones
-    ]
-    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in bones]
-    return replace(hand, joints=[*joints.values()], bones=bones)
-
-
-def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, list[str]]:
-    """The receivers that were not worn, by joint of a digit that is not measured, or failed, without them."""
-    unworn = {}
-    for name in (name for digit in layout.digits.values() for name in digit.joints if name in joints):
-        sides = (layout.joints[name].parent_receiver, layout.joints[name].child)
-        lacking = not_worn(layout, name, worn)
-        if not lacking and joints[name]["status"] == "failed":
-            lacking = [side for side in sides if layout.segments[side].measured and side not in worn]
-        if lacking:
-            unworn[name] = lacking
-    return unworn
-
-
-def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
-    """Doubts, by joint, about neighbouring MCP centres closer to each other than anatomically plausible."""
-    knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
-    doubts: dict[str, Doubts] = {}
-    for pair in pairwise(joint for joint in knuckles if joint in joints):
-        first, second = (
-            np.array([joints[joint].get(f"parent_{axis}_mm") for axis in "xyz"], float) for joint in pair
-        )
-        apart_mm = float(np.linalg.norm(first - second))
-        receivers = {layout.joints[joint].parent_receiver for joint in pair}
-        if len(receivers) == 1 and apart_mm < LEAST_KNUCKLES_MM:
-            doubts |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
-    return doubts
-
-
-def is_whole(bone: BoneLengthsRow, layout: Layout) -> bool:
-    """Whether a row of bone_lengths spans the bone itself, neither starting at the wrist nor ending at a
-    receiver.
-    """
-    joint_of = {joint.child: name for name, joint in layout.joints.items()}
-    return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
-
-
-def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mapping[str, PartsWriter]) -> None:
-    """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals. opened : opens tables."""
-    layout, model = plan.layouts[part.hand], plan.models[part.model]
-    projected = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, part)))
-    calibration = plan.calibrating(part.hand, part.model, part.made_without)
-    usable = usable_poses([plan.poses(r) for r in calibration])[0]
-    reader = poses_reader(usable, layout.measured)
-    if model.fitting is None:
-        hand = build_hand(_by("joint", projected), layout, model, reader)
-    else:
-        try:
-            fit = (part.hand, part.model)
-            fitted = read_part(plan.table("fitted_joints", *fit), JOINT_CENTRES, part)
-            rows = merge_fitted(list(rows_of(fitted)), projected)
-            bone_rows = rows_of(read_part(plan.table("fitted_bones", *fit), BONE_LENGTHS, part))
-            fitted_bones = _by("bone", bone_rows)
-        except TableError:
-            raise
-        except InputError as error:  # the reason goes into the rows
-            rows, fitted_bones = failed_joints(projected, str(error)), {}
-        hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
-    parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
-    keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
-    suspects = [recording.title for recording in plan.suspect if recording.hand.hand == part.hand]
-    worn = {segment for path in usable for segment in seen_segments(path)} or None
-    hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {}, worn)
-    tables["joint_centres"].rows(part, [{**row, **keys} for row in hand.joints], **parameters)
-    tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
-    tables["metacarpals"].rows(part, [], **parameters)
-    for recording in plan.posed(part.hand, part.made_without):
-        _pose_recording(plan, part, opened, hand, recording, tables["metacarpals"])
-
-
-def _pose_recording(
-    plan: SubjectPlan,
-    part: Part,
-    opened: Opened,
-    hand: BuiltHand,
-    recording: Recording,
-    metacarpals: PartsWriter,
-) -> None:
-    """Write the metacarpals of one recording, if it holds poses."""
-    layout, model = plan.layouts[part.hand], plan.models[part.model]
-
-    def posed_by_fit(segment: str, frames: Index) -> Array | None:
-        keys = (part, recording.task, recording.trial, "segment", [f"q{name}" for name in "wxyz"])
-        with opened(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
-            return parts.recording(*keys, len(frames), frames, segment).get(segment)
-
-    for path in usable_poses([plan.poses(recording)])[0]:
-        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # None: fit failed
-        for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
-            keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
-            metacarpals.columns(part, {**keys, **columns})
-
-
-def _by(key: str, rows: Any) -> Any:
-    """Rows by the value of a column."""
-    return {row[key]: row for row in rows}

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.model import JointSolving
 from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import Poses, frame_count, pose_blocks, read_poses, usable_poses
-from shukotsu.tables.typed_table import vector_columns
+from shukotsu.tables.typed_table import vector_columns, vector_of
 from shukotsu.translation import listed
 
 if TYPE_CHECKING:
@@ -111,7 +111,18 @@ def solve_recordings(
 
 
 def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> None:
-    """Add a block of poses to the moments of the joints."""
+    """Add a block of poses to the moments of joints.
+
+    Parameters
+    ----------
+    moments : JointMoments
+        Moments of the joints, changed in place.
+    block : Poses
+        Some frames of a recording.
+    joints : sequence of Joint
+        The joints, in the order of the moments.
+
+    """
     parents = np.array([block.index(joint.parent_receiver) for joint in joints])
     children = np.array([block.index(joint.child) for joint in joints])
     moments.add(relative_poses(block.quaternion, block.position_mm, block.valid, parents, children))
@@ -234,15 +245,31 @@ def solution_row(joint: Joint, solution: JointSolution | str) -> JointSolutionsR
     row |= {
         "singular_values": solution.singular_values.tolist(),
         "covariance_mm2": solution.covariance_mm2.ravel().tolist(),
-        "gap_rms_mm": solution.gap_rms_mm,
-        "gap_rms_free_mm": solution.gap_rms_free_mm,
-        "slide_to_free_mm": solution.slide_to_free_mm,
-        "range_deg": solution.range_deg,
-        "spread_deg": solution.spread_deg,
-        "axis_sd_deg": solution.axis_sd_deg,
-        "n_frames": solution.n_frames,
-        "n_effective": solution.n_effective,
         "status": "ok",
         "message": "",
     }
+    numbers: Any = {name: getattr(solution, name) for name in _NUMBERS}
+    row |= numbers
     return row
+
+
+_NUMBERS = (
+    *("gap_rms_mm", "gap_rms_free_mm", "slide_to_free_mm", "range_deg", "spread_deg", "axis_sd_deg"),
+    *("n_frames", "n_effective"),
+)
+"""Numbers of a solution that are columns of the same name."""
+
+
+def solution_of(row: JointSolutionsRow) -> JointSolution:
+    """Solution of a joint from its row of joint_solutions, which did not fail; inverse of `solution_row`."""
+    numbers: Any = row
+    return JointSolution(
+        p_mm=vector_of(row, "parent_", "_mm"),
+        q_mm=vector_of(row, "child_", "_mm"),
+        null_parent=vector_of(row, "null_parent_"),
+        null_child=vector_of(row, "null_child_"),
+        mean_rotation=np.array([vector_of(row, f"mean_rotation_{axis}") for axis in "xyz"]),
+        singular_values=np.array(row["singular_values"]),
+        covariance_mm2=np.reshape(row["covariance_mm2"], (6, 6)),
+        **{name: numbers[name] for name in _NUMBERS},
+    )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -12,6 +11,8 @@ from shukotsu.errors import InputError
 from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, prior
 from shukotsu.hand.rotations import Array, cross_matrix, nearest_rotation
 from shukotsu.paper import plane
+from shukotsu.paper.closed import JointSolution
+from shukotsu.paper.part_solutions import solution_of
 from shukotsu.paper.plane import Projection
 from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.model import SkeletonModel
@@ -226,22 +227,19 @@ def place_joint(
     row |= UNJUDGED
     if solution["status"] == "failed":
         return row
-    row |= {
-        "gap_rms_free_mm": solution["gap_rms_free_mm"],
-        "range_deg": solution["range_deg"],
-        "axis_sd_deg": solution["axis_sd_deg"],
-        "n_effective": solution["n_effective"],
-    }
-    row |= vector_columns("axis_parent_", vector_of(solution, "null_parent_"))
-    row |= vector_columns("axis_child_", vector_of(solution, "null_child_"))
-    placed = _projection(joint, solution, cut=model.planes.cut)
+    solved = solution_of(solution)
+    numbers = ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")
+    row |= cast(Any, {name: getattr(solved, name) for name in numbers})
+    row |= vector_columns("axis_parent_", solved.null_parent)
+    row |= vector_columns("axis_child_", solved.null_child)
+    placed = _projection(joint, solved, cut=model.planes.cut)
     if placed is None:
         return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
-    row |= _centre(solution, placed, shift_mm, model)
+    row |= _centre(solved, placed, shift_mm, model)
     doubts: dict[str, Values] = {}
     if model.planes.cut:
-        row |= _whole_error(joint, layout, placed, solution)
+        row |= _whole_error(joint, layout, placed, solved)
         doubts |= _doubts(joint, row, model)
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
@@ -250,47 +248,23 @@ def place_joint(
     return row
 
 
-def _projection(joint: Joint, solution: JointSolutionsRow, *, cut: bool) -> plane.Projection | None:
+def _projection(joint: Joint, solution: JointSolution, *, cut: bool) -> Projection | None:
     """The centre where the plane cuts the axis, or as solved where the model uses no planes."""
-    p_mm, q_mm = vector_of(solution, "parent_", "_mm"), vector_of(solution, "child_", "_mm")
-    axes = vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")
-    covariance_mm2 = np.reshape(solution["covariance_mm2"], (6, 6))
     if not cut:
-        return plane.Projection(p_mm, q_mm, 0.0, None, covariance_mm2)
+        return Projection(solution.p_mm, solution.q_mm, 0.0, None, solution.covariance_mm2)
     if joint.plane.frame == "none":
-        per_sample = solution["gap_rms_free_mm"] ** 2 / 3 / solution["n_effective"]
-        along = per_sample / max(solution["singular_values"][5] ** 2, 1e-12)
-        return plane.leave_uncut(p_mm, q_mm, *axes, covariance_mm2, solution["slide_to_free_mm"], along)
-    return plane.project(
-        p_mm,
-        q_mm,
-        *axes,
-        covariance_mm2,
-        float(np.radians(solution["axis_sd_deg"])),
-        plane_point_mm=np.array(joint.plane.point_mm),
-        plane_normal=np.array(joint.plane.normal),
-        plane_in_parent=joint.plane.frame == "parent",
-    )
+        return plane.leave_uncut(solution)
+    return plane.project(solution, joint.plane)
 
 
 def _centre(
-    solution: JointSolutionsRow, placed: plane.Projection, shift_mm: Array, model: SkeletonModel
+    solution: JointSolution, placed: Projection, shift_mm: Array, model: SkeletonModel
 ) -> JointCentresRow:
     """Columns of the corrected centre: its position, gap and scatter."""
-    mean_rotation = _mean_rotation(solution)
-    p_mm, q_mm = plane.correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
-    gap = plane.gap_rms_mm(
-        solution["gap_rms_free_mm"],
-        solution["singular_values"][5],
-        vector_of(solution, "null_parent_"),
-        vector_of(solution, "null_child_"),
-        placed.slide_mm - solution["slide_to_free_mm"],
-        p_mm - placed.p_mm,
-        q_mm - placed.q_mm,
-        mean_rotation,
-    )
+    p_mm, q_mm = plane.correct(placed.p_mm, placed.q_mm, shift_mm, solution.mean_rotation)
+    gap = plane.gap_rms_mm(solution, placed.slide_mm, p_mm - placed.p_mm, q_mm - placed.q_mm)
     row: JointCentresRow = {
-        "gap_rms_mm": gap if model.planes.cut else solution["gap_rms_mm"],
+        "gap_rms_mm": gap if model.planes.cut else solution.gap_rms_mm,
         "covariance_mm2": placed.covariance_mm2.ravel().tolist(),
         "sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
         "slide_mm": placed.slide_mm,
@@ -301,17 +275,17 @@ def _centre(
 
 
 def _whole_error(
-    joint: Joint, layout: Layout, placed: plane.Projection, solution: JointSolutionsRow
+    joint: Joint, layout: Layout, placed: Projection, solution: JointSolution
 ) -> JointCentresRow:
     """Columns of the total error, scatter plus unseen errors, with the scatter alone in scatter_sd_mm."""
     unseen_mm2 = unseen_covariance(
         joint,
         layout,
         placed,
-        (vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")),
-        _mean_rotation(solution),
-        solution["gap_rms_free_mm"],
-        solution["range_deg"],
+        (solution.null_parent, solution.null_child),
+        solution.mean_rotation,
+        solution.gap_rms_free_mm,
+        solution.range_deg,
     )
     covariance_mm2 = placed.covariance_mm2 + unseen_mm2
     return {
@@ -319,11 +293,6 @@ def _whole_error(
         "sd_mm": plane.centre_sd_mm(covariance_mm2),
         "covariance_mm2": covariance_mm2.ravel().tolist(),
     }
-
-
-def _mean_rotation(solution: Mapping[str, Any]) -> Array:
-    """The solution's mean rotation (3, 3), child to parent."""
-    return np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
 
 
 def _doubts(joint: Joint, row: JointCentresRow, model: SkeletonModel) -> dict[str, Values]:

@@ -10,6 +10,8 @@ import numpy as np
 
 from shukotsu.arrays import Float
 from shukotsu.hand.rotations import Array, nearest_rotation, unit
+from shukotsu.paper.closed import JointSolution
+from shukotsu.study.layout import Plane
 
 
 @dataclass(frozen=True)
@@ -36,18 +38,7 @@ class Projection:
     covariance_mm2: Array
 
 
-def project(
-    p_mm: Float[Array, " 3"],
-    q_mm: Float[Array, " 3"],
-    axis_parent: Float[Array, " 3"],
-    axis_child: Float[Array, " 3"],
-    covariance_mm2: Float[Array, "6 6"],
-    axis_sd_rad: float,
-    *,
-    plane_point_mm: Float[Array, " 3"],
-    plane_normal: Float[Array, " 3"],
-    plane_in_parent: bool,
-) -> Projection | None:
+def project(solution: JointSolution, plane: Plane) -> Projection | None:
     """Slide both halves of a centre along the axis by the same amount, onto the plane (end of section 4).
 
     Separate planes for the two halves would leave a constant gap along the axis. Solutions with five and with
@@ -55,18 +46,10 @@ def project(
 
     Parameters
     ----------
-    p_mm, q_mm : array, shape (3,)
-        Centre in the parent's and the child's receiver frame, mm.
-    axis_parent, axis_child : array, shape (3,)
-        Unit axis in either frame.
-    covariance_mm2 : array, shape (6, 6)
-        Covariance of (p, q), mm^2.
-    axis_sd_rad : float
-        Standard deviation of the axis direction.
-    plane_point_mm, plane_normal : array, shape (3,)
-        Point and normal of the plane, in the frame chosen by plane_in_parent.
-    plane_in_parent : bool
-        Whether the plane is in the parent's receiver frame, else in the child's.
+    solution : JointSolution
+        The joint's centre, axis and covariance.
+    plane : Plane
+        Point (mm) and normal in the parent's or the child's receiver frame.
 
     Returns
     -------
@@ -74,14 +57,17 @@ def project(
         None where the axis lies in the plane.
 
     """
-    normal = unit(plane_normal)
-    point_mm, axis_in_plane = (p_mm, axis_parent) if plane_in_parent else (q_mm, axis_child)
+    p_mm, q_mm, covariance_mm2 = solution.p_mm, solution.q_mm, solution.covariance_mm2
+    axis_parent, axis_child = solution.null_parent, solution.null_child
+    axis_sd_rad, in_parent = float(np.radians(solution.axis_sd_deg)), plane.frame == "parent"
+    normal = unit(np.array(plane.normal))
+    point_mm, axis_in_plane = (p_mm, axis_parent) if in_parent else (q_mm, axis_child)
     sine = float(axis_in_plane @ normal)
     if abs(sine) < 1e-9:
         return None
-    slide = float((plane_point_mm - point_mm) @ normal) / sine
+    slide = float((np.array(plane.point_mm) - point_mm) @ normal) / sine
     null = np.concatenate([axis_parent, axis_child])
-    cut = np.concatenate([normal, np.zeros(3)] if plane_in_parent else [np.zeros(3), normal])
+    cut = np.concatenate([normal, np.zeros(3)] if in_parent else [np.zeros(3), normal])
     onto_plane = np.eye(6) - np.outer(null, cut) / sine
     covariance = covariance_mm2.copy()  # an axis error moves each half sideways by half the variance
     for part, axis in ((slice(0, 3), axis_parent), (slice(3, 6), axis_child)):
@@ -95,44 +81,33 @@ def project(
     )
 
 
-def leave_uncut(
-    p_mm: Float[Array, " 3"],
-    q_mm: Float[Array, " 3"],
-    axis_parent: Float[Array, " 3"],
-    axis_child: Float[Array, " 3"],
-    covariance_mm2: Float[Array, "6 6"],
-    slide_to_free_mm: float,
-    variance_along_mm2: float,
-) -> Projection:
+def leave_uncut(solution: JointSolution) -> Projection:
     """Centre of the six-value solution, for a joint without a plane.
 
     Parameters
     ----------
-    p_mm, q_mm : array, shape (3,)
-        Five-value centre in the parent's and the child's receiver frame, mm.
-    axis_parent, axis_child : array, shape (3,)
-        Unit axis in either frame.
-    covariance_mm2 : array, shape (6, 6)
-        Covariance of (p, q) without the axis direction, mm^2.
-    slide_to_free_mm : float
-        Distance along the axis to the six-value centre.
-    variance_along_mm2 : float
-        Variance of the centre along the null vector.
+    solution : JointSolution
+        The joint's five-value centre, the distance along the axis to the six-value one, and the covariance
+        without the axis direction.
 
     Returns
     -------
     Projection
-        With axis_plane_deg None.
+        With axis_plane_deg None. The variance along the null vector is that of a sample of the gap over the
+        squared smallest singular value.
 
     """
-    null = np.concatenate([axis_parent, axis_child]) / np.sqrt(2)
+    slide_mm = solution.slide_to_free_mm
+    per_sample_mm2 = solution.gap_rms_free_mm**2 / 3 / solution.n_effective
+    along_mm2 = per_sample_mm2 / max(float(solution.singular_values[5]) ** 2, 1e-12)
+    null = np.concatenate([solution.null_parent, solution.null_child]) / np.sqrt(2)
     across = np.eye(6) - np.outer(null, null)
     return Projection(
-        p_mm=p_mm + slide_to_free_mm * axis_parent,
-        q_mm=q_mm + slide_to_free_mm * axis_child,
-        slide_mm=slide_to_free_mm,
+        p_mm=solution.p_mm + slide_mm * solution.null_parent,
+        q_mm=solution.q_mm + slide_mm * solution.null_child,
+        slide_mm=slide_mm,
         axis_plane_deg=None,
-        covariance_mm2=across @ covariance_mm2 @ across.T + variance_along_mm2 * np.outer(null, null),
+        covariance_mm2=across @ solution.covariance_mm2 @ across.T + along_mm2 * np.outer(null, null),
     )
 
 
@@ -171,34 +146,25 @@ def centre_sd_mm(covariance_mm2: Float[Array, "6 6"]) -> float:
 
 
 def gap_rms_mm(
-    gap_rms_free_mm: float,
-    smallest_singular_value: float,
-    axis_parent: Float[Array, " 3"],
-    axis_child: Float[Array, " 3"],
-    beyond_free_mm: float,
+    solution: JointSolution,
+    slide_mm: float,
     shift_parent_mm: Float[Array, " 3"],
     shift_child_mm: Float[Array, " 3"],
-    mean_rotation: Float[Array, "3 3"],
 ) -> float:
     """Root mean square gap of a centre moved along the axis and, possibly, by a manual correction.
 
     The mean square gap is a quadratic form about the six-value solution with the normal matrix [[I, -M],
-    [-M^T, I]]; along the axis it grows with the square of the smallest singular value.
+    [-M^T, I]], M the mean of R_a^T R_b; along the axis it grows with the square of the smallest singular
+    value.
 
     Parameters
     ----------
-    gap_rms_free_mm : float
-        Rms gap of the six-value solution.
-    smallest_singular_value : float
-        Of the stack, over the root of the number of frames.
-    axis_parent, axis_child : array, shape (3,)
-        Unit axis in either receiver frame.
-    beyond_free_mm : float
-        Displacement along the axis from the six-value solution.
+    solution : JointSolution
+        The joint as solved.
+    slide_mm : float
+        Displacement of both halves along the axis.
     shift_parent_mm, shift_child_mm : array, shape (3,)
         Correction of p and of q in their frames, mm.
-    mean_rotation : array, shape (3, 3)
-        M, the mean of R_a^T R_b.
 
     Returns
     -------
@@ -206,12 +172,14 @@ def gap_rms_mm(
         Rms gap, mm.
 
     """
-    floor = smallest_singular_value**2
+    beyond_free_mm = slide_mm - solution.slide_to_free_mm
+    floor = float(solution.singular_values[5]) ** 2
     along = 2 * floor * beyond_free_mm**2
-    both = 2 * floor * beyond_free_mm * (axis_parent @ shift_parent_mm + axis_child @ shift_child_mm)
+    towards_mm = solution.null_parent @ shift_parent_mm + solution.null_child @ shift_child_mm
+    both = 2 * floor * beyond_free_mm * towards_mm
     across = (
         shift_parent_mm @ shift_parent_mm
         + shift_child_mm @ shift_child_mm
-        - 2 * shift_parent_mm @ mean_rotation @ shift_child_mm
+        - 2 * shift_parent_mm @ solution.mean_rotation @ shift_child_mm
     )
-    return float(np.sqrt(gap_rms_free_mm**2 + max(float(along + both + across), 0.0)))
+    return float(np.sqrt(solution.gap_rms_free_mm**2 + max(float(along + both + across), 0.0)))

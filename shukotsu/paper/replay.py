@@ -181,7 +181,7 @@ def _turns(
     parts: PartsReader, part: Part, recording: Recording, digit: str, frames: Index
 ) -> dict[str, Array]:
     """Read quaternions (T, 4) of a digit's metacarpal at those frames, by digit."""
-    keys = recording.task, recording.trial, "digit", [f"q{name}" for name in "wxyz"]
+    keys = recording.task, recording.trial, [f"q{name}" for name in "wxyz"]
     return parts.recording(part, *keys, len(frames), frames, digit)
 
 

@@ -30,11 +30,11 @@ CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 3.0, 4.0, 0.6
 """Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses
 that are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
 FEWEST_JOINTS = 3
-"""By which anatomy may say that a whole recording is on the other side."""
+"""Fewest joints from which anatomy may decide that a whole recording is on the other side."""
 DECIDED = 1.0
-"""Log of the odds from which on a receiver's side is known."""
+"""Log odds from which on the side of a receiver is taken as decided."""
 CERTAIN = 5.0
-"""Log of the odds from which on a joint overrules what a receiver's own positions let guess."""
+"""Log odds from which on a joint overrules the side suggested by a receiver's own positions."""
 
 Poses = tuple[Integers, Array]
 """Frames (N,) and numbers (N, 7) of a receiver's poses that are valid."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
 from shukotsu.errors import count_of
-from shukotsu.study.file_formats import AUTO, FORMATS
+from shukotsu.study.file_formats import AUTO, UNMAPPED
 
 if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples
@@ -32,7 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--in", dest="file", type=Path, required=True, help="the recording")
     add("--out", type=Path, required=True, help="the poses table to write")
-    add("--format", choices=(AUTO, *FORMATS), default=AUTO, help="auto goes by the ending")
+    add("--format", choices=(AUTO, *UNMAPPED), default=AUTO, help="auto goes by the ending")
     add("--mapping", type=Path, help="how to read a file that is not this project's own (docs/mappings.md)")
     add(
         "--repair-hemisphere",

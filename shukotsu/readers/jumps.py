@@ -23,16 +23,16 @@ from shukotsu.hand.rotations import matrix
 from shukotsu.tables.device_clock import without_packets
 
 FASTEST_MM_S, UNTIMED_STEP_MM = 3000.0, 20.0
-"""No hand is faster; in a frame of which the time is not known none goes farther."""
+"""Greatest speed of a hand, and greatest step in a frame whose duration is unknown."""
 LARGE_STEPS, MIRRORED, SMEARED = 3.0, 0.3, 0.6
 """So many times a recording's large steps, the 80th percentile, are none of them; and of a jump to the mirror
 image, at once or through a filter, less than so much is left when that image is taken."""
 SURE = 8.0
-"""Log of the odds from which on two neighbouring poses are known to be on the same side, or on two."""
+"""Log odds from which on two neighbouring poses are certainly on the same side, or on different ones."""
 SMEARED_FRAMES = 12
-"""After a jump, and before it, the filter's tail takes at most so many more frames."""
+"""Most frames over which the tracker's filter smears a jump, on either side."""
 _BLOCK_ROWS = 1 << 15
-"""Steps that are looked at at a time."""
+"""Steps that are examined at a time."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ EVERY = 0.8
 
 
 TELLING = 1.0
-"""Logarithm of the ratio of joints' gaps from which on they tell which way round two receivers are."""
+"""Log ratio of joint gaps from which on they determine which of two receivers is which."""
 EXCHANGED, EXCHANGE_MM, EXCHANGE_DEG = 0.4, 5.0, 60.0
 """Two receivers that change places go on where the other was: what is left of that, at most; how
 far a pose is off a steady run at least, and how far a receiver turns from one pose to the next at most."""

@@ -49,7 +49,7 @@ FLAGS = {
     "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
     "broken-off": "from a moment on, for good, the receiver is not where its neighbours say; or until then",
 }
-"""What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
+"""Flags of a row and their meaning; bit i stands for the i-th flag. See docs/recordings.md."""
 INVALIDATING = (
     "device-error", "hemisphere-flip", "hemisphere-transit", "low-quality", "misfit", "spike", "broken-off"
 )  # fmt: skip
@@ -57,19 +57,19 @@ INVALIDATING = (
 NORM_TOLERANCE = 0.01
 """A quaternion whose length is off by more was not rounded: it is something else."""
 WILD_TIMES = 1e6
-"""So many times what half of a receiver's times span, and a second, no time of a recording is off."""
+"""Times farther from the median than this multiple of (interquartile range + 1 s) are dropped."""
 TWO_RECORDINGS = 10
-"""Frames in turn that stand twice with other poses are no slip of a counter."""
+"""From this many consecutive duplicated frames with other poses on, a file holds two recordings."""
 MANY_POSES = 20
-"""In so many, the coordinates of a receiver that moves are no whole numbers."""
+"""Fewest poses from which coordinates that are all whole numbers are taken for a counter."""
 BESIDE_MM = 200.0
-"""Nearer than this is a receiver to the next one of a body, and farther a transmitter."""
+"""Largest distance of neighbouring receivers on a body; a transmitter is farther away."""
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
 ROW_GROUP_FRAMES = 1 << 15
 """Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
 MEMORY_BYTES = 2 << 20
-"""How much of a segment's rows is kept in memory before it goes to a file."""
+"""Size from which on a segment's rows are kept in a file instead of in memory."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 _BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
@@ -202,13 +202,12 @@ def poses_table(
         start += len(samples.segment)
     notes = _count_on(files, frames)
     frame = np.unique(np.concatenate(frames))
-    segments = {names[index]: _check_segment(files[index]) for index in sorted(files)}
-    _refuse_nonsense(segments, places)
-    files_by_name = {names[index]: files[index] for index in sorted(files)}
-    segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
-    segments, exchanged = _without_exchanges(segments, files_by_name, parents)
-    segments, broken = _without_breaks(segments, files_by_name, parents)
-    broken = (*exchanged, *broken)
+    by_name = {names[index]: files[index] for index in sorted(files)}
+    recording = _Recording({name: _check_segment(file) for name, file in by_name.items()}, by_name, parents)
+    _refuse_nonsense(recording.segments, places)
+    recording.put_on_one_side(expected_mm or {}, repair=repair_hemisphere)
+    broken = (*recording.flag_exchanges(), *recording.flag_breaks())
+    segments = recording.segments
     # No bone keeps still while its parent moves: the receiver's channel hangs, where poses are not relative
     # to it. The base of the tree has no parent; it may well lie still, in made-up recordings to the last bit.
     still = [name for name, seg in segments.items() if not seg.moves and seg.complete >= FROZEN_FRAMES]
@@ -217,7 +216,7 @@ def poses_table(
         for name in still
         if (up := parents.get(name, "")) in segments
         and segments[up].moves
-        and not _is_reference(files_by_name[name], files_by_name[up])
+        and not _is_reference(by_name[name], by_name[up])
     )
     return PosesTable(
         tuple(segments),
@@ -226,7 +225,7 @@ def poses_table(
         frame,
         broken,
         notes,
-        tuple(files_by_name.values()),
+        tuple(by_name.values()),
     )
 
 
@@ -284,43 +283,85 @@ def _check_segment(file: _RowFile) -> _Segment:
     )
 
 
-def _on_one_side(
-    segments: Mapping[str, _Segment],
-    files: Mapping[str, _RowFile],
-    parents: Mapping[str, str],
-    expected_mm: Mapping[str, Array],
-    *,
-    repair: bool,
-) -> dict[str, _Segment]:
-    """Flag rows on the wrong side of the transmitter, or put them back; give the segments as they are then.
+@dataclass
+class _Recording:
+    """Segments of a recording, as their rows are flagged so far, and the files that hold these.
 
-    Where no receiver jumped and no repair is asked for, nothing is looked at.
+    parents : of a segment the one towards the body that carries a receiver.
     """
-    on_sides = {name: segment.sides for name, segment in segments.items() if segment.sides is not None}
-    if not repair and not any(receiver.changes for receiver in on_sides.values()):
-        return dict(segments)
 
-    def poses(name: str) -> tuple[Integers, Array]:
-        rows = files[name].rows()
-        rows = rows[_usable(rows)]
+    segments: dict[str, _Segment]
+    files: Mapping[str, _RowFile]
+    parents: Mapping[str, str]
+
+    def put_on_one_side(self, expected_mm: Mapping[str, Array], *, repair: bool) -> None:
+        """Flag rows on the wrong side of the transmitter, or put them back.
+
+        Where no receiver jumped and no repair is asked for, nothing is looked at.
+        """
+        on_sides = {name: seg.sides for name, seg in self.segments.items() if seg.sides is not None}
+        if not repair and not any(receiver.changes for receiver in on_sides.values()):
+            return
+        judged = sides(on_sides, self._poses, self.parents, expected_mm, all_along=repair)
+        for name, side in judged.items():
+            rows = self.files[name].rows().copy()
+            usable = _usable(rows)
+            sign = np.where(usable, side.sign(rows["frame"]), 1)
+            if (sign == 1).all() and side.decided:
+                continue
+            rows["flags"][sign == 0] |= _BIT["hemisphere-transit"]
+            rows["flags"][sign < 0] |= _BIT["hemisphere-repaired" if repair else "hemisphere-flip"]
+            if repair:
+                rows["numbers"][sign < 0, :3] *= -1.0
+            if not side.decided:
+                rows["flags"][usable & (sign != 0)] |= _BIT["hemisphere-undecided"]
+            self._replace(name, rows)
+
+    def flag_exchanges(self) -> Iterator[dict[str, Any]]:
+        """Flag rows in which two receivers have each other's names; yield what a finding says of each."""
+        for exchange in exchanges(*self._believed()):
+            for name in exchange.segments:
+                frame = self.files[name].rows()["frame"]
+                self._break_off(name, (frame >= exchange.first) & (frame <= exchange.last))
+            frames = {"number": exchange.first, "number_2": exchange.last}
+            when = _when(self.files[exchange.segments[0]].rows(), exchange.frame)
+            yield {"segments": list(exchange.segments), **frames, **when}
+
+    def flag_breaks(self) -> Iterator[dict[str, Any]]:
+        """Flag rows in which, for good, a receiver is not where its neighbours say; yield as of exchanges."""
+        before = {name: segment.usable for name, segment in self.segments.items()}
+        for gap in breaks(*self._believed()):
+            for name in gap.segments:
+                frame = self.files[name].rows()["frame"]
+                self._break_off(name, (frame < gap.frame) == gap.until)
+            left = min(self.segments[name].usable / before[name] for name in gap.segments)
+            seen = {"segments": list(gap.segments), "until": gap.until, "grown": gap.grown}
+            when = _when(self.files[gap.segments[-1]].rows(), gap.frame)
+            yield {**seen, "percent": 100 * left, **when}
+
+    def _believed(
+        self,
+    ) -> tuple[list[str], Callable[[str], tuple[Integers, Array]], list[tuple[str, str]]]:
+        """Return the segments with a usable pose, what reads their poses, and the joints between them."""
+        names = [name for name, segment in self.segments.items() if segment.usable]
+        links = [(self.parents[name], name) for name in names if self.parents.get(name, "") in names]
+        return names, lambda name: self._poses(name, _BIT["hemisphere-undecided"]), links
+
+    def _poses(self, name: str, without: np.uint32 | int = 0) -> tuple[Integers, Array]:
+        """Return frames and numbers of a segment's usable rows; without : bits that none of them has."""
+        rows = self.files[name].rows()
+        rows = rows[_usable(rows) & ((rows["flags"] & without) == 0)]
         return rows["frame"], rows["numbers"]
 
-    out = dict(segments)
-    for name, side in sides(on_sides, poses, parents, expected_mm, all_along=repair).items():
-        rows = files[name].rows().copy()
-        usable = _usable(rows)
-        sign = np.where(usable, side.sign(rows["frame"]), 1)
-        if (sign == 1).all() and side.decided:
-            continue
-        rows["flags"][sign == 0] |= _BIT["hemisphere-transit"]
-        rows["flags"][sign < 0] |= _BIT["hemisphere-repaired" if repair else "hemisphere-flip"]
-        if repair:
-            rows["numbers"][sign < 0, :3] *= -1.0
-        if not side.decided:
-            rows["flags"][usable & (sign != 0)] |= _BIT["hemisphere-undecided"]
-        files[name].replace(rows)
-        out[name] = replace(segments[name], usable=int(_usable(rows).sum()))
-    return out
+    def _break_off(self, name: str, off: Bools) -> None:
+        """Flag those complete rows (N,) of a segment."""
+        rows = self.files[name].rows().copy()
+        rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
+        self._replace(name, rows)
+
+    def _replace(self, name: str, rows: Rows) -> None:
+        self.files[name].replace(rows)
+        self.segments[name] = replace(self.segments[name], usable=int(_usable(rows).sum()))
 
 
 def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
@@ -330,60 +371,6 @@ def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
     apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
     at_zero = np.allclose(np.abs(numbers), [0, 0, 0, 1, 0, 0, 0], atol=1e-6)
     return bool(at_zero and len(apart_mm) and np.median(apart_mm) < BESIDE_MM)
-
-
-def _without_breaks(
-    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
-) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
-    """Flag rows in which, for good, a receiver is not where its neighbours say; give the segments as they
-    are then, and the values of a finding on each break.
-    """
-    out, values = dict(segments), []
-    for gap in breaks(*_believed(segments, files, parents)):
-        for name in gap.segments:
-            frame = files[name].rows()["frame"]
-            out[name] = _break_off(out[name], files[name], (frame < gap.frame) == gap.until)
-        left = min(out[name].usable / segments[name].usable for name in gap.segments)
-        seen = {"segments": list(gap.segments), "until": gap.until, "grown": gap.grown, "percent": 100 * left}
-        values.append({**seen, **_when(files[gap.segments[-1]].rows(), gap.frame)})
-    return out, tuple(values)
-
-
-def _without_exchanges(
-    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
-) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
-    """Flag rows in which two receivers have each other's names; the rest as of breaks."""
-    out, values = dict(segments), []
-    for exchange in exchanges(*_believed(segments, files, parents)):
-        for name in exchange.segments:
-            frame = files[name].rows()["frame"]
-            off = (frame >= exchange.first) & (frame <= exchange.last)
-            out[name] = _break_off(out[name], files[name], off)
-        frames = {"segments": list(exchange.segments), "number": exchange.first, "number_2": exchange.last}
-        values.append({**frames, **_when(files[exchange.segments[0]].rows(), exchange.frame)})
-    return out, tuple(values)
-
-
-def _believed(
-    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
-) -> tuple[list[str], Callable[[str], tuple[Integers, Array]], list[tuple[str, str]]]:
-    """Return the segments with a usable pose, what reads their poses, and the joints between them."""
-
-    def poses(name: str) -> tuple[Integers, Array]:
-        rows = files[name].rows()
-        rows = rows[_usable(rows) & ((rows["flags"] & _BIT["hemisphere-undecided"]) == 0)]
-        return rows["frame"], rows["numbers"]
-
-    names = [name for name, segment in segments.items() if segment.usable]
-    return names, poses, [(parents[name], name) for name in names if parents.get(name, "") in names]
-
-
-def _break_off(segment: _Segment, file: _RowFile, off: Bools) -> _Segment:
-    """Flag those complete rows (N,) of a segment; return it with as many usable rows as it then has."""
-    rows = file.rows().copy()
-    rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
-    file.replace(rows)
-    return replace(segment, usable=int(_usable(rows).sum()))
 
 
 def _when(rows: Rows, frame: int) -> dict[str, Any]:

@@ -52,9 +52,12 @@ class Samples:
 
     def take(self, rows: slice) -> Samples:
         """Return some of the samples, with all that is said of the recording."""
-        names = ("segment", "frame", "time_s", "numbers")
         flags = {flag: marked[rows] for flag, marked in self.flags.items()}
-        return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in names})
+        return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in _ARRAYS})
+
+
+_ARRAYS = ("segment", "frame", "time_s", "numbers")
+"""Fields that have an entry a sample."""
 
 
 def join_samples(parts: Iterable[Samples]) -> Samples:
@@ -67,23 +70,21 @@ def join_samples(parts: Iterable[Samples]) -> Samples:
         return every[part].locate(sample - starts[part])
 
     every_flag = {flag for part in every for flag in part.flags}
+    arrays: Any = {name: np.concatenate([getattr(part, name) for part in every]) for name in _ARRAYS}
     return Samples(
         every[0].segments,
-        np.concatenate([part.segment for part in every]),
-        np.concatenate([part.frame for part in every]),
-        np.concatenate([part.time_s for part in every]),
-        np.concatenate([part.numbers for part in every]),
-        locate,
-        {
+        **arrays,
+        locate=locate,
+        flags={
             flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
             for flag in sorted(every_flag)
         },
-        tuple(note for part in every for note in part.notes),
-        tuple(loss for part in every for loss in part.losses),
-        sum(part.missing_frames for part in every),
-        next((part.tracker for part in every if part.tracker), ""),
-        next((part.orientation for part in every if part.orientation), ""),
-        tuple(cluster for part in every for cluster in part.clusters),
+        notes=tuple(note for part in every for note in part.notes),
+        losses=tuple(loss for part in every for loss in part.losses),
+        missing_frames=sum(part.missing_frames for part in every),
+        tracker=next((part.tracker for part in every if part.tracker), ""),
+        orientation=next((part.orientation for part in every if part.orientation), ""),
+        clusters=tuple(cluster for part in every for cluster in part.clusters),
     )
 
 

@@ -114,11 +114,24 @@ def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[AgreementRow]:
 
 
 def difference_sd_mm(first: Estimate, second: Estimate, across: str) -> float:
-    """Return the sd of the difference of two estimates of one length, mm.
+    """Standard deviation of the difference of two estimates of one length (docs/whole-hand.md, section 8).
 
-    C1 + C2 - 2 sum c1 c2, c the pulls of the unknowns that are the same in both: of one session all, in
-    another those that are not put on anew, in the other hand bones and joints, which are as long but for
-    SIDE_SD.
+    C1 + C2 - 2 sum c1 c2, where c are the pulls of the unknowns that both estimates share: within a session
+    all of them, between sessions those that are not put on anew, and between hands those of bones and joints,
+    whose lengths differ by SIDE_SD.
+
+    Parameters
+    ----------
+    first, second : Estimate
+        Estimates of the length.
+    across : str
+        In what they differ, one of `ACROSS`.
+
+    Returns
+    -------
+    float
+        mm.
+
     """
     shared = sum(
         pull_mm * second.pulls_mm.get((unknown, group), 0.0)

@@ -320,7 +320,20 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[JointErr
 
 
 def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> JointErrorsRow:
-    """Errors of one joint by its rows of joint_centres; each half is held against its own covariance."""
+    """Errors of one joint centre and axis; each half is held against its own covariance.
+
+    Parameters
+    ----------
+    estimated, true : mapping
+        Rows of joint_centres.
+
+    Returns
+    -------
+    dict
+        Columns of joint_errors: distances in the child's and the parent's receiver frame, mm, also along and
+        across the axis; the angle between the axes of a hinge, deg; whether the stated 95 % hold.
+
+    """
     child, parent = (
         vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")
     )

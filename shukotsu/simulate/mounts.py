@@ -258,14 +258,40 @@ def on_skin(
 
 
 def displace(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
-    """Displace receivers (T, S, 3), (T, S, 4) by slides in mm and rotation vectors in rad, in their own
-    frames.
+    """Displace receivers in their own frames.
+
+    Parameters
+    ----------
+    position_mm, quaternion : array, shape (T, S, 3) and (T, S, 4)
+        Receivers in the transmitter frame.
+    slide_mm, turn_rad : array, shape (T, S, 3)
+        Translations, mm, and rotation vectors, rad.
+
+    Returns
+    -------
+    tuple of array
+        Displaced positions, mm, and quaternions.
+
     """
     return position_mm + rotations.rotate(quaternion, slide_mm), turn_poses(quaternion, turn_rad)
 
 
 def lag_signal(signal: Array, lag_s: float) -> Array:
-    """Exponential moving average of a signal (T, N) that was 0 before its start, computed by FFT."""
+    """Exponential moving average of signals that were 0 before their start, computed by FFT.
+
+    Parameters
+    ----------
+    signal : array, shape (T, N)
+        Signals at RATE_HZ.
+    lag_s : float
+        Time constant.
+
+    Returns
+    -------
+    array, shape (T, N)
+        The averages.
+
+    """
     keep = np.exp(-1.0 / (lag_s * RATE_HZ))
     n = len(signal)
     kernel = (1.0 - keep) * keep ** np.arange(min(n, int(20 * lag_s * RATE_HZ)))

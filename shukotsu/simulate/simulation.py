@@ -7,8 +7,8 @@ distortion do not enter the truth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from shukotsu.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, Ra
 from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.task_motion import RATE_HZ, TASK_FRAMES, TaskMotion, move
 from shukotsu.simulate.tracker_errors import distort, faulty, noisy
-from shukotsu.study.layout import Layout, read_layout
+from shukotsu.study.layout import Joint, read_layout
 from shukotsu.tables.poses import Poses
 
 LAYOUT = "liberty16"
@@ -96,20 +96,36 @@ class Truth:
     @classmethod
     def of(
         cls,
-        layout: Layout,
+        joints: Sequence[Joint],
         hand: RandomHand,
         mounts: Mounts,
         angles_rad: Array,
         bones: tuple[Array, Array],
         ridden: tuple[Array, Array],
         recorded: tuple[Array, Array],
-        realism: Realism,
     ) -> Truth:
-        """Collect the truth of a recording; ridden, recorded : receivers on the skin, and as the tracker
-        reports them.
+        """Collect the truth of a recording of T frames.
+
+        Parameters
+        ----------
+        joints : sequence of Joint
+            Joints between receivers, with their degrees of freedom.
+        hand, mounts : RandomHand, Mounts
+            The hand and its S receivers.
+        angles_rad : array, shape (T, J, 3)
+            Joint angles.
+        bones, ridden, recorded : tuple of array
+            Positions, mm, and quaternions in the transmitter frame: of the bones, of the receivers on the
+            skin, and of the receivers as the tracker reports them.
+
+        Returns
+        -------
+        Truth
+            The truth.
+
         """
-        joints = {}
-        for joint in layout.solvable:
+        true_joints = {}
+        for joint in joints:
             index = JOINTS.index(joint.name)
             centre_mm = bones[0][:, index + 1]
             axis = flexion_axis(hand, index, angles_rad, bones[1])
@@ -125,11 +141,11 @@ class Truth:
                     recorded, child, child_mm
                 )
                 gap_mm = np.linalg.norm(apart, axis=-1)
-            joints[joint.name] = TrueJoint(
+            true_joints[joint.name] = TrueJoint(
                 joint.name,
                 joint.parent_receiver if worn else "",
                 joint.child,
-                1 if realism.hinges_only else joint.dof,
+                joint.dof,
                 parent_mm,
                 child_mm,
                 axis_parent,
@@ -141,7 +157,7 @@ class Truth:
         skin_tip_mm = _ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
         pointing = rotations.rotate(bones[1][:, mounts.bone], np.array([1.0, 0.0, 0.0]))
         along = rotations.unit(rotations.rotate(rotations.conjugate(ridden[1]), pointing).mean(0))
-        return cls(hand, mounts, angles_rad, *bones, tip_mm, skin_tip_mm, joints, along)
+        return cls(hand, mounts, angles_rad, *bones, tip_mm, skin_tip_mm, true_joints, along)
 
 
 def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
@@ -258,7 +274,7 @@ def simulate(
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
     mounts = mounts_of(subject, hand, seed, anatomy, segments, realism, session)
-    motion = move(subject, hand, task, seed, anatomy, realism, n_frames, session)
+    motion = move(subject, task, seed, anatomy, realism, n_frames, session)
     if change is not None:
         motion = change(motion)
     bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
@@ -276,7 +292,8 @@ def simulate(
     if realism.noise:
         rng = generator(seed, "noise", subject, hand, task, session=session)
         recorded = noisy(*recorded, realism.noise, rng)
-    truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, ridden, recorded, realism)
+    joints = [replace(joint, dof=1) if realism.hinges_only else joint for joint in layout.solvable]
+    truth = Truth.of(joints, anatomy, mounts, motion.angles_rad, bones, ridden, recorded)
     if realism.faults:
         rng = generator(seed, "faults", subject, hand, task, session=session)
         recorded = faulty(*recorded, realism.faults, rng)

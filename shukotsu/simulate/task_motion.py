@@ -75,7 +75,6 @@ class TaskMotion:
 
 def move(
     subject: str,
-    side: str,
     task: str,
     seed: int,
     hand: RandomHand,
@@ -87,8 +86,8 @@ def move(
 
     Parameters
     ----------
-    subject, side, task, session : str
-        Names of the recording.
+    subject, task, session : str
+        Names of the recording, which is of the hand's side.
     seed : int
         Seed of the simulation.
     hand : RandomHand
@@ -104,6 +103,7 @@ def move(
         Over T frames.
 
     """
+    side = hand.side
     rng = generator(seed, "motion", subject, side, task, session=session)
     if task == "opposition":
         stiffness = generator(seed, "dip", subject, side)

@@ -74,7 +74,23 @@ def distort(position_mm: Array, quaternion: Array, seed: int, scale: float) -> t
 def noisy(
     position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Add white noise of the tracker to poses (T, S, 3) mm and (T, S, 4)."""
+    """Add the tracker's white noise to poses.
+
+    Parameters
+    ----------
+    position_mm, quaternion : array, shape (T, S, 3) and (T, S, 4)
+        Receivers in the transmitter frame.
+    scale : float
+        Scale of NOISE_MM and NOISE_DEG.
+    rng : Generator
+        Source of the noise.
+
+    Returns
+    -------
+    tuple of array
+        Noisy positions, mm, and quaternions.
+
+    """
     noise_mm = scale * NOISE_MM * rng.standard_normal(position_mm.shape)
     turn = scale * np.radians(NOISE_DEG) * rng.standard_normal(position_mm.shape)
     return position_mm + noise_mm, turn_poses(quaternion, turn)

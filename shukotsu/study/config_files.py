@@ -10,13 +10,15 @@ import math
 import os
 import re
 from collections.abc import Hashable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
 from shukotsu.errors import InputError, nearest, shorten
-from shukotsu.resources import ROOT
+from shukotsu.resources import PACKAGE, ROOT
+from shukotsu.study.file_formats import MAPPED
 from shukotsu.tables import limits
 from shukotsu.tables.text_files import read_text, slash_hint
 
@@ -84,8 +86,22 @@ _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _m
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """Return the JSON Schema of a kind of configuration file: study, layout or model."""
-    loaded: dict[str, Any] = json.loads((SCHEMA_FOLDER / f"{kind}.schema.json").read_text("utf-8"))
+    """Return the JSON Schema of a kind of configuration file: study, layout, model or mapping.
+
+    A key with `names_of` takes the names of that registry: `recordings`, the formats that a mapping can be of
+    (`study/file_formats.py`), or a group of `export/formats.yaml`.
+    """
+
+    def with_names(part: dict[str, Any]) -> dict[str, Any]:
+        if (registry := part.get("names_of")) == "recordings":
+            part["enum"] = [*MAPPED]
+            part["description"] += f" {'; '.join(map(': '.join, MAPPED.items()))}."
+        elif registry:
+            part["enum"] = [*part.get("enum", ()), *_exports()[registry]]
+        return part
+
+    text = (SCHEMA_FOLDER / f"{kind}.schema.json").read_text("utf-8")
+    loaded: dict[str, Any] = json.loads(text, object_hook=with_names)
     return loaded
 
 
@@ -125,6 +141,11 @@ def read_constants(path: Path) -> dict[str, Any]:
         return tuple(map(fixed, value)) if isinstance(value, list) else value
 
     return dict(fixed(read_yaml(path, "constants")))
+
+
+@cache
+def _exports() -> dict[str, Any]:
+    return read_constants(PACKAGE / "export" / "formats.yaml")
 
 
 def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) -> Constants:

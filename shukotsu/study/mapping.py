@@ -10,6 +10,7 @@ from typing import Any
 
 from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.config_files import check_config, read_yaml
+from shukotsu.study.file_formats import FORMATS
 from shukotsu.tables.limits import MM_PER_UNIT
 
 
@@ -105,17 +106,8 @@ def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
 _NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
 _NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
 
-_TURNED = {"c3d": "a C3D file needs", "sequence": "a sequence's transforms need"}
-
-_RECEIVER_KEYS = {
-    "wide": ("position", "orientation", "time", "quality"),
-    "long": ("value",),
-    "c3d": ("markers", "rotation"),
-    "xdf": ("value",),
-    "capture": ("value",),
-    "sequence": ("value",),
-}
-"""The keys of a receiver that a format (of csv: its kind of rows) reads."""
+_WIDE_KEYS = ("position", "orientation", "time", "quality")
+"""Keys of a receiver that csv with wide rows reads."""
 
 _LONG_KEYS = ("receiver", "position", "orientation")
 """Keys of csv with long rows."""
@@ -124,7 +116,7 @@ _LONG_KEYS = ("receiver", "position", "orientation")
 def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
     """Report contradictions in a mapping that its schema allows; keys : those of the file itself."""
     form, axes = config["format"], config["position_axes"]
-    odd = sorted({"csv", "c3d", "xdf"} & set(keys) - {form})
+    odd = sorted(FORMATS.keys() & {*keys} - {form})
     if odd:
         yield f"{odd[0]}: is for another format; format is {form}"
     if "orientation" in config:
@@ -133,12 +125,12 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
         yield f"position_axes: is {', '.join(axes)}; expected each of x, y and z once"
     if form == "c3d" and axes != ["x", "y", "z"]:
         yield "position_axes: a C3D file has positions and rotations in one frame; leave it out"
-    rows = config["csv"]["rows"] if form == "csv" else form
-    reads = _RECEIVER_KEYS[rows]
+    rows = config["csv"]["rows"] if form == "csv" else ""
+    reads = _WIDE_KEYS if rows == "wide" else FORMATS[form].receiver_keys
     for segment, receiver in config["receivers"].items():
         odd = [key for key in receiver if key not in reads]
         if odd:
-            what = " ".join(("csv with", rows, "rows")) if form == "csv" else form
+            what = " ".join(("csv with", rows, "rows")) if rows else form
             yield (
                 f"receivers.{segment}.{odd[0]}: does not belong to {what}, which reads "
                 f"{', '.join(reads) or 'no key here'}; leave it out"
@@ -158,8 +150,8 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
 
 def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[str]:
     kind, axes = orientation["kind"], orientation.get("axes", "XYZ")
-    if form in _TURNED:
-        yield f"orientation: {_TURNED[form]} none; leave it out"
+    if subject_and_verb := FORMATS[form].needs_no_orientation:
+        yield f"orientation: {subject_and_verb} none; leave it out"
     missing = [key for key in _NEEDED[kind] if key not in orientation]
     if missing:
         yield f"orientation: {kind} needs the key {', '.join(map(repr, missing))}"

@@ -63,8 +63,18 @@ MOVEMENT_COMPARISONS = ("movement_differences", "movement_reliability")
 """Comparisons of the subjects' movement, made from the study's tables."""
 
 
-STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion", "cycle-curves", "groups")
-"""Figures of a study for print; one without data consists of a sentence that says so."""
+STUDY_FIGURES = {
+    "models": ("models", "results"),
+    "joint-errors": ("joint_errors", "results"),
+    "joint-trust": ("joint_trust", "results"),
+    "ranges-of-motion": ("ranges_of_motion", "results", "movement"),
+    "cycle-curves": ("study_cycles", "results", "movement", "groups"),
+    "groups": ("groups", "results", "study", "movement"),
+}
+"""Figures of a study for print: each one's function in `report/figures/study_figures.py`, and what it takes.
+
+One without data consists of a sentence that says so.
+"""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")
 """A figure's files: two of the drawing, and its caption."""

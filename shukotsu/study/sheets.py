@@ -19,7 +19,7 @@ import yaml
 
 from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.resources import ROOT
-from shukotsu.study.file_formats import AUTO, FORMATS
+from shukotsu.study.file_formats import AUTO, UNMAPPED
 from shukotsu.tables import limits
 from shukotsu.tables.text_files import NO_VALUE, read_text
 
@@ -131,7 +131,7 @@ _READ: Mapping[str, Callable[[str], Any]] = {
     "reason": _reason,
     "number": _number,
     "positive": _positive,
-    "format": _one_of(AUTO, *FORMATS),
+    "format": _one_of(AUTO, *UNMAPPED),
 }
 
 

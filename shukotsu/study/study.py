@@ -13,7 +13,7 @@ from typing import Any
 
 from shukotsu.errors import InputError, count_of, guess, list_names
 from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
-from shukotsu.study.file_formats import FORMATS
+from shukotsu.study.file_formats import AUTO, format_of
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
@@ -423,10 +423,6 @@ def truth_folder(file: Path) -> Path:
     return file.with_name(f"{file.name.rsplit('.', 1)[0]}_truth")
 
 
-OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
-"""Endings of files that describe their own numbers; the study's mapping does not apply to them."""
-
-
 def _recordings(
     sheet: Path, usual: Source, factors: Sequence[str], simulation: Simulation | None
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
@@ -441,7 +437,8 @@ def _recordings(
     units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS, factors):
         worn = config_path(row["layout"], "layout", folder) if row["layout"] else usual.layout
-        needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
+        form = format_of(Path(row["file"]))
+        needs_none = row["format"] != AUTO or (form is not None and not form.takes_study_mapping)
         usual_mapping = None if needs_none else usual.mapping
         mapping = folder / row["mapping"] if row["mapping"] else usual_mapping
         file = folder / row["file"]

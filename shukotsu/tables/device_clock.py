@@ -145,3 +145,12 @@ def device_clock(time_s: Array, frame: Integers | None = None) -> tuple[float | 
 def _stood(row: int, rows: int, time_s: float) -> list[ClockBreak]:
     """Break of a clock that stood still."""
     return [ClockBreak("still", int(row), int(rows), float(time_s), float(time_s), 0.0)]
+
+
+def nominal_rate_hz(frame: Integers, time_s: Array) -> float:
+    """Median frame rate, Hz; NaN without increasing times."""
+    step = np.diff(frame)
+    usual = step == (np.median(step) if len(step) else 0)
+    interval = np.diff(without_packets(time_s)[0])[usual]
+    interval = interval[np.isfinite(interval) & (interval > 0)]
+    return float(1.0 / np.median(interval)) if len(interval) else float("nan")

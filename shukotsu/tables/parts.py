@@ -206,7 +206,6 @@ class PartsReader:
         part: Part,
         task: str,
         trial: str,
-        by: str,
         columns: Sequence[str],
         n_frames: int | None = None,
         frames: Integers | None = None,
@@ -220,8 +219,6 @@ class PartsReader:
             The skeleton.
         task, trial : str
             The recording.
-        by : str
-            Column that names what the rows describe: segment, digit or joint.
         columns : sequence of str
             Numerical columns to read.
         n_frames : int, optional
@@ -229,7 +226,7 @@ class PartsReader:
         frames : array of int, shape (T,), optional
             Ascending frame numbers to read; all rows if omitted.
         name : str
-            The only name to read; all names if empty.
+            The only segment, digit or joint to read, whichever the table's rows are of; all if empty.
 
         Returns
         -------
@@ -243,6 +240,7 @@ class PartsReader:
             As `part`; TableError where the number of rows differs from n_frames.
 
         """
+        by = next(column for column in ("segment", "joint", "digit") if column in self._file.table.key)
         keys = self._keys(part) | {"task": task, "trial": trial} | ({by: name} if name else {})
         between = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
         needed = columns if frames is None else ["frame", *columns]

@@ -88,14 +88,7 @@ class Poses:
 
     def take(self, rows: slice | Integers) -> Poses:
         """Poses of the selected frames."""
-        return Poses(
-            self.segments,
-            self.frame[rows],
-            self.time_s[rows],
-            self.position_mm[rows],
-            self.quaternion[rows],
-            self.valid[rows],
-        )
+        return Poses(self.segments, *(array[rows] for array in _arrays(self)))
 
 
 PosesReader = Callable[..., Iterator[Poses]]

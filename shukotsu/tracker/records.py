@@ -19,7 +19,7 @@ from shukotsu.tracker.families import StreamSettings
 Bytes = npt.NDArray[np.uint8]
 
 NONE = -1
-"""Stands in a record's whole numbers for "the stream does not say"."""
+"""Value of a whole number that the stream does not contain."""
 
 
 @dataclass(frozen=True)

@@ -154,10 +154,11 @@ def report_page(study: StudyFiles) -> Any:
 
 
 def report_figures(study: StudyFiles) -> list[Any]:
-    """Return the study's figures for print, the drawings as results of `snakemake --report`."""
+    """Return the study's figures for print; drawings are in `snakemake --report`, with their captions."""
     figures: list[Any] = []
     for path in map(Path, study.figures):
-        options = {"caption": f"{CAPTIONS}/{path.stem}.rst", "labels": {"figure": path.stem}}
+        caption = str(path.with_suffix(".txt").absolute())
+        options = {"caption": caption, "labels": {"figure": path.stem}}
         is_drawing = path.suffix == ".svg"
         figures.append(report(str(path), category="Figures", **options) if is_drawing else str(path))
     return figures

@@ -27,9 +27,8 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def test_importing_it_imports_nothing_heavy() -> None:
-    look = (
-        "import shukotsu, sys; sys.exit(str({'numpy', 'pandas', 'pyarrow', 'matplotlib'} & set(sys.modules)))"
-    )
+    heavy = "{'numpy', 'pandas', 'pyarrow', 'matplotlib', 'xarray'}"
+    look = f"import shukotsu, sys; sys.exit(str({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == "set()"
     with pytest.raises(AttributeError, match="no 'raed'; it has PosedRecording, bend, pose, read"):
@@ -88,6 +87,26 @@ def test_a_hand_is_posed_as_the_pipeline_poses_it(study: SimulatedHand, model: s
     np.testing.assert_array_equal(hand.position_mm, bones.position_mm)
     np.testing.assert_array_equal(hand.frame, study.simulated.frame)
     assert np.isfinite(hand.time_s).all()
+
+
+def test_a_posed_hand_is_a_data_set_with_named_dimensions_and_units(
+    posed: shukotsu.PosedRecording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = posed.to_xarray()
+    assert dict(data.position.sizes) == {"time": len(posed.frame), "bone": len(posed.names), "space": 3}
+    tip = data.position.sel(bone="index_tip", space="z")
+    np.testing.assert_array_equal(tip, posed.position_mm[:, posed.index("index_tip"), 2])
+    turn = data.rotation.sel(bone="index_mcp", quaternion="w")
+    np.testing.assert_array_equal(turn, posed.quaternion[:, posed.index("index_mcp"), 0])
+    np.testing.assert_array_equal(data.time, posed.time_s)
+    assert (data.position.units, data.time.units, round(data.fs)) == ("mm", "s", 240)
+    assert str(data.parent.sel(bone="index_pip").item()) == "index_mcp"
+    assert data.source_software.startswith("shukotsu ")
+    bent = shukotsu.bend(posed, {"index_pip": np.zeros((4, 3))}).to_xarray()
+    assert (bent.time.units, bent.time.values.tolist()) == ("frames", [0, 1, 2, 3])
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(InputError, match=r"pip install shukotsu\[xarray\]"):
+        posed.to_xarray()
 
 
 @pytest.mark.parametrize(

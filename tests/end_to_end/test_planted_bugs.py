@@ -33,7 +33,7 @@ IN_A_PART = {
     "solve_joints": "shukotsu.paper.part_solutions.solution_rows",
     "project_planes": "shukotsu.paper.place.place_joint",
     "fit_hand": "shukotsu.fit.calibration.fit_hand",
-    "estimate_metacarpals": "shukotsu.paper.hand.build_hand",
+    "estimate_metacarpals": "shukotsu.paper.skeleton.build_hand",
     "evaluate_tips": "shukotsu.paper.replay.replay_recording",
     "evaluate_skeletons": "shukotsu.scores.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.hand.recorded_movement.RecordedMovement.joints",

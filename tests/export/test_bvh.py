@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.bvh import AT_REST, TURN_AXES, write
-from shukotsu.export.kinematic_tree import turn_angles
+from shukotsu.export.motion import turn_angles
 from shukotsu.export.registry import ExportSettings, prepare, write_format
 
 

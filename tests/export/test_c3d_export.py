@@ -94,7 +94,7 @@ def test_another_reader_has_the_same_points(
     st.integers(-3, 3000),
     st.sets(st.integers(1, 10), max_size=3),
 )
-def test_any_motion_comes_back(
+def test_every_point_and_pose_is_read_back_from_a_c3d(
     tmp_path_factory: pytest.TempPathFactory, frames: int, seed: int, share: float, first: int, lost: set[int]
 ) -> None:
     """Gaps of joints and receivers stay where they are; lost frames are there, without a point."""

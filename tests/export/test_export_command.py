@@ -68,7 +68,7 @@ def test_files_have_their_names_and_notes(
     assert str(tmp_path) not in note
 
 
-def test_options_reach_the_files(
+def test_axis_rig_and_stiff_bones_show_in_the_exported_files(
     right: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     argv = ["--transmitter-up=-z", "--rig", "mixamo", "--bones", "stiff"]
@@ -158,7 +158,9 @@ def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path)
     assert {path.name for path in out.iterdir()} == {f"{stem}{end}" for stem in stems for end in ends}
 
 
-def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dataset_has_every_subjects_receivers_once_and_a_skeleton_a_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Receivers once, a skeleton for every model that was made; participants as in the sheet."""
     hands = []
     for subject in ("01", "02"):
@@ -183,7 +185,9 @@ def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize("links", [True, False])
-def test_files_of_all_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool) -> None:
+def test_exports_of_all_subjects_are_collected_in_one_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
     """Hidden files stay; where the disk has no links files are copied; what is there is replaced."""
     for name in ("one/a.bvh", "one/.hidden", "two/b.bvh", "two/bids/sub-01/b.tsv", "out/a.bvh"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

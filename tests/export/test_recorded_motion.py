@@ -57,7 +57,7 @@ def test_a_fitted_hinge_turns_about_its_axis_only(hand: SimulatedHand) -> None:
         assert abs(axis[0]) > 0.9, "about across the bone"
 
 
-def test_a_tree_that_is_no_hand() -> None:
+def test_a_layout_without_anatomy_is_exported_under_its_own_names() -> None:
     """No anatomy, no thumb: names as they are, a first bone at rest as it stands on average."""
     layout, rng = read_layout("arm"), np.random.default_rng(1)
     shape = (20, len(layout.measured))

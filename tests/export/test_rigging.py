@@ -52,7 +52,7 @@ def test_a_metacarpal_lives_on_in_the_proximal_phalanx(hand: SimulatedHand) -> N
     assert there.notes[-1] == f"{', '.join(LACKING)} folded into the bones after them"
 
 
-def test_names_are_the_rigs_own() -> None:
+def test_joints_have_the_names_that_each_rig_documents() -> None:
     """A few of each, looked up in the rigs' own documents, not in our tables."""
     right, left = ({rig: set(RIGS[rig].names(hand).values()) for rig in RIGS} for hand in ("right", "left"))
     assert {

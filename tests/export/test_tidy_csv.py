@@ -18,7 +18,7 @@ from shukotsu.hand.rotations import angle, conjugate, multiply
 from shukotsu.simulate.random_hand import JOINTS, PARENT
 
 
-def test_every_pose_comes_back(hand: SimulatedHand, tmp_path: Path) -> None:
+def test_every_exported_pose_is_read_back(hand: SimulatedHand, tmp_path: Path) -> None:
     motion = hand.motion(REPLAYED)
     assert write(motion, tmp_path / "a.csv") == ()
     rows = pd.read_csv(tmp_path / "a.csv")

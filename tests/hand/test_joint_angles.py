@@ -46,7 +46,7 @@ def same_rotation(first: Array, other: Array, atol: float = 1e-9) -> None:
 
 
 @given(SEEDS, HANDS)
-def test_definition_by_grood_and_suntay(seed: int, hand: str) -> None:
+def test_angles_are_those_of_grood_and_suntay(seed: int, hand: str) -> None:
     """Each angle as measured between lines: the floating axis is at right angles to e1 and to e3."""
     parent, child = matrix(some(seed)), matrix(some(seed + 1))
     e1, e3 = parent[..., 1], child[..., 0]
@@ -66,7 +66,7 @@ def test_definition_by_grood_and_suntay(seed: int, hand: str) -> None:
 
 
 @given(SEEDS, HANDS, st.booleans())
-def test_angles_to_rotation_and_back(seed: int, hand: str, with_rest: bool) -> None:
+def test_a_rotation_made_of_angles_has_these_angles(seed: int, hand: str, with_rest: bool) -> None:
     parent, angles = some(seed), some_angles(seed)
     rest, axes = some(seed + 1, 2) if with_rest else (STRAIGHT, STRAIGHT)
     turn = multiply(turned_by(angles, hand, multiply(rest, axes)), conjugate(axes))
@@ -114,7 +114,7 @@ def test_signs_of_named_postures(
 
 
 @SIDES
-def test_thumb_by_its_rest(hand: str) -> None:
+def test_a_thumb_at_rest_has_no_angles_and_each_turns_it_in_its_own_direction(hand: str) -> None:
     """Zero at rest; flexion sweeps along the palm, palmar abduction leaves it, though neither axis is the
     hand's: the metacarpal faces where its phalanx faces, which is nearly across the hand.
     """
@@ -136,7 +136,7 @@ def test_thumb_by_its_rest(hand: str) -> None:
 
 
 @SIDES
-def test_angles_of_a_simulated_hand(hand: str) -> None:
+def test_angles_of_a_simulated_hand_are_those_it_was_bent_by(hand: str) -> None:
     """As the simulator bent the joints, to what its tilted axes make of them; it counts radial deviation
     and supination as positive. The skew axes of the thumb's CMC joint are not comparable.
     """

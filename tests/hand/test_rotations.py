@@ -19,7 +19,7 @@ def some(seed: int, n: int = 20) -> Rotation:
 
 
 @given(SEEDS)
-def test_matrix_and_back(seed: int) -> None:
+def test_quaternions_and_matrices_are_the_same_rotations(seed: int) -> None:
     """Matrices equal scipy's, and their quaternions are the same rotations with w >= 0."""
     turn = some(seed)
     q = quaternions(turn)
@@ -76,7 +76,7 @@ def test_bone_frame_is_x_distal_z_dorsal() -> None:
 
 
 @given(SEEDS)
-def test_the_mean_of_rotations_about_one(seed: int) -> None:
+def test_rotations_to_both_sides_of_one_have_it_as_their_mean(seed: int) -> None:
     """Turns to both sides of a rotation, half of them with the other sign, have it as their mean."""
     rng = np.random.default_rng(seed)
     middle = quaternions(some(seed, 1))[0]

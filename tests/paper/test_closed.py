@@ -30,7 +30,7 @@ def off_axis(point: Array, true: Array, axis: Array) -> float:
 
 @given(SEEDS, st.integers(2, 6))
 @settings(max_examples=30)
-def test_hinges_come_back(seed: int, n_segments: int) -> None:
+def test_exact_hinges_are_solved_to_rounding(seed: int, n_segments: int) -> None:
     """In a random chain without noise every centre is on its axis to 1e-9 mm and every axis to 1e-6 deg."""
     chain = random_chain(seed, n_segments)
     moments = moments_of(chain)
@@ -112,7 +112,7 @@ def test_nothing_depends_on_the_transmitter(seed: int) -> None:
         assert other.gap_rms_mm == pytest.approx(solution.gap_rms_mm, abs=1e-9)
 
 
-def test_no_motion_has_no_answer() -> None:
+def test_a_joint_that_does_not_move_is_not_solvable() -> None:
     """A joint that does not move, or has one frame, is not solvable; a little motion is enough."""
     assert not is_solvable(moments_of(random_chain(1, 2, range_rad=0.0)), 0)
     assert not is_solvable(moments_of(random_chain(1, 2, n_frames=1)), 0)

@@ -143,7 +143,7 @@ def test_metacarpals_are_posed_in_every_recording(plan: SubjectPlan) -> None:
         tasks = set(read_part(plan.table("metacarpals"), METACARPALS, part)["task"].to_pylist())
         every = {"opposition", "rom"} if part.hand == "right" else {"opposition"}  # the left rom is excluded
         assert tasks == ({part.made_without} if part.made_without else every)
-    which = ("opposition", "", "digit", TURNS, 300)
+    which = ("opposition", "", TURNS, 300)
     for part in plan.parts():
         turns = recording_numbers(plan.table("metacarpals"), METACARPALS, part, *which)
         assert tuple(turns) == DIGITS
@@ -181,7 +181,7 @@ def test_every_skeleton_is_replayed_where_it_is_evaluated(plan: SubjectPlan) -> 
         assert [row["digit"] for row in errors] == [digit for digit in DIGITS for _ in range(2)]
         assert {(row["task"], row["held_out"]) for row in errors} == {("opposition", bool(part.made_without))}
         assert all(row["n_frames"] == row["n_frames_total"] == 300 for row in errors)
-        which = ("opposition", "", "digit", ["error_mm"], 300)
+        which = ("opposition", "", ["error_mm"], 300)
         tips = recording_numbers(plan.table("tips"), TIPS, part, *which)
         for row in errors:
             if row["binding"] == "least-squares":
@@ -191,7 +191,7 @@ def test_every_skeleton_is_replayed_where_it_is_evaluated(plan: SubjectPlan) -> 
 def test_errors_are_distances_of_the_tips(plan: SubjectPlan) -> None:
     columns = [f"tip_{axis}_mm" for axis in "xyz"] + ["error_mm"]
     layout = read_layout("liberty16")
-    tips = recording_numbers(plan.table("tips"), TIPS, WHOLE, "opposition", "", "digit", columns)
+    tips = recording_numbers(plan.table("tips"), TIPS, WHOLE, "opposition", "", columns)
     poses = read_poses(poses_of(plan, "opposition"), layout.measured)
     for name, values in tips.items():
         receiver_mm = poses.position_mm[:, poses.index(layout.digits[name].tip)]
@@ -229,7 +229,7 @@ def test_a_gap_is_in_no_statistic(plan: SubjectPlan, tmp_path: Path) -> None:
     frames = {row["digit"]: row["n_frames"] for row in errors}
     n_lost = int(pc.sum(first).as_py())
     assert (frames["index"], frames["ring"]) == (300 - n_lost, 300)
-    which = ("opposition", "", "digit", ["error_mm", "error_first_frame_mm"])
+    which = ("opposition", "", ["error_mm", "error_first_frame_mm"])
     tips = recording_numbers(tmp_path / "tips.parquet", TIPS, WHOLE, *which)["index"]
     assert np.isnan(tips[:n_lost]).all()
     assert tips[n_lost, 1] == pytest.approx(0, abs=1e-9)

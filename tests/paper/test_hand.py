@@ -11,7 +11,8 @@ from simulated_poses import recorded, write_poses
 from small_study import HandResults, run_hand
 
 from shukotsu.arrays import Array
-from shukotsu.paper.hand import BuiltHand, build_hand, judge_hand, pose_metacarpals
+from shukotsu.paper.hand import BuiltHand, build_hand, pose_metacarpals
+from shukotsu.paper.skeleton import judge_hand
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.recording_summary import OF_A_MODEL, _joint_problems

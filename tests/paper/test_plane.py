@@ -28,17 +28,7 @@ SAGITTAL = np.array([0.0, 1.0, 0.0])
 
 
 def cut(solution: JointSolution, *, parent: bool = False, normal: np.ndarray = SAGITTAL) -> Projection | None:
-    return project(
-        solution.p_mm,
-        solution.q_mm,
-        solution.null_parent,
-        solution.null_child,
-        solution.covariance_mm2,
-        np.radians(solution.axis_sd_deg),
-        plane_point_mm=np.zeros(3),
-        plane_normal=normal,
-        plane_in_parent=parent,
-    )
+    return project(solution, Plane("parent" if parent else "child", (0.0, 0.0, 0.0), (*normal,)))
 
 
 @given(SEEDS)
@@ -75,7 +65,9 @@ def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], o
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("shift", [None, np.array([3.0, -2.0, 5.0])])
-def test_gap_of_the_placed_centre(seed: int, shift: np.ndarray | None) -> None:
+def test_the_gap_of_a_placed_centre_is_that_measured_frame_by_frame(
+    seed: int, shift: np.ndarray | None
+) -> None:
     """gap_rms_mm after plane and correction is the gap measured frame by frame."""
     joint, row, chain = solved_row(seed, off_axis_rad=0.1, noise_mm=0.2)
     placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4-corrected"), shift)

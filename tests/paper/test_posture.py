@@ -51,7 +51,7 @@ def first(vector: Array, normal: Array, normal_reference: Array, frame: int = 0)
 
 @given(SEEDS)
 @settings(max_examples=40)
-def test_posture_of_a_known_metacarpal(seed: int) -> None:
+def test_the_estimated_posture_is_the_bones_own_change(seed: int) -> None:
     """Swing, then twist (factor 1) is the bone's own change of posture, to 1e-6 deg."""
     bone, vector, normal = palm(seed)
     posture = estimate_posture(vector, normal, first(vector, normal, bone[7].apply(Z), 7), 1.0)

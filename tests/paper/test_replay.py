@@ -104,7 +104,7 @@ def test_the_binding_frame_is_the_first_usable_one() -> None:
     assert int(np.isfinite(error).sum()) == 54
 
 
-def test_statistics_are_numpys() -> None:
+def test_tip_error_statistics_leave_gaps_out() -> None:
     finite = np.array([3.0, 1.0, 2.0, 10.0])
     assert error_statistics(np.array([3.0, np.nan, 1.0, 2.0, 10.0])) == {
         "max_mm": 10.0,

@@ -59,7 +59,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert all("is a pipe; expected" in line for line in lines)
 
 
-def test_a_table_of_nothing_but_repetition(
+def test_a_table_that_unpacks_to_too_much_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "MEMORY_BYTES", 10**7)

@@ -91,7 +91,7 @@ def test_a_receiver_that_falls_off_is_named(segment: str, fall: int) -> None:
     assert 0 <= event.frame - poses.frame[SINCE] <= (0 if fall == 1 else fall)
 
 
-def test_two_that_fall_one_after_the_other_and_two_of_one_finger() -> None:
+def test_two_receivers_that_fall_off_are_both_named() -> None:
     poses = hand_of(7).poses
     position_mm, quaternion = fallen(poses, "index_distal", since=300)
     later_mm, later = fallen(poses, "ring_middle", since=600)

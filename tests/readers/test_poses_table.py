@@ -228,7 +228,7 @@ def swinging(n_frames: int = 240, rate_hz: float = 240.0) -> np.ndarray:
 
 @pytest.mark.parametrize(("rate_hz", "length"), [(240.0, 1), (240.0, 3), (240.0, 5), (30.0, 1), (30.0, 3)])
 @pytest.mark.parametrize("kind", ["place", "turn"])
-def test_a_spike_is_its_frames_alone(length: int, kind: str, rate_hz: float) -> None:
+def test_only_the_frames_of_a_spike_are_flagged(length: int, kind: str, rate_hz: float) -> None:
     poses = swinging(rate_hz=rate_hz)
     if kind == "place":
         poses[10 : 10 + length, 0] += 10_000.0
@@ -238,7 +238,7 @@ def test_a_spike_is_its_frames_alone(length: int, kind: str, rate_hz: float) -> 
 
 
 @pytest.mark.parametrize(("end", "moved_mm"), [(240, 1e4), (16, 1e4), (11, 50.0), (10, 0.0)])
-def test_a_jump_that_stays_and_a_small_one_are_none(end: int, moved_mm: float) -> None:
+def test_a_lasting_jump_and_a_small_one_are_no_spikes(end: int, moved_mm: float) -> None:
     poses = swinging()
     poses[10:end, 0] += moved_mm
     assert not spikes(poses).any()

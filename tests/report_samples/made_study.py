@@ -22,7 +22,7 @@ import pyarrow as pa
 from simulated_poses import write_poses
 
 from report_samples.pages import rows_where
-from shukotsu.paper.hand import is_whole
+from shukotsu.paper.skeleton import is_whole
 from shukotsu.report.hand_motion import HandMotion
 from shukotsu.report.recording_results import RecordingResults, read_recording
 from shukotsu.report.study_page import render_study

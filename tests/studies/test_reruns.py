@@ -276,7 +276,10 @@ def test_report_of_the_workflow(study: StudyRun, tmp_path: Path) -> None:
     """With what `make demo` installs: the report's own dependencies are in the lock."""
     done = study.snakemake("--report", str(tmp_path / "workflow.html"))
     assert done.returncode == 0, done.stderr
-    assert "solve_joints" in (tmp_path / "workflow.html").read_text("utf-8")
+    page = (tmp_path / "workflow.html").read_text("utf-8")
+    assert "solve_joints" in page
+    caption = (study.results.figures / "joint-trust.txt").read_text("utf-8")
+    assert caption.partition(":")[0] in page
 
 
 @pytest.fixture(scope="module")

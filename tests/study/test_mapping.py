@@ -1,6 +1,5 @@
 """Mappings: the guide's examples load, and what does not belong together is refused by name."""
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,6 @@ import yaml
 from small_study import put
 
 from shukotsu.errors import InputError
-from shukotsu.resources import ROOT
-from shukotsu.study.file_formats import MAPPED
 from shukotsu.study.mapping import FileMapping, mapping_from_config, read_mapping
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "mappings.md"
@@ -120,8 +117,3 @@ def test_contradictory_keys_of_a_mapping_are_refused(config: dict[str, Any], mes
         check(config)
     assert str(caught.value).startswith("mapping.yaml: ")
     assert "\n" not in str(caught.value)
-
-
-def test_the_schema_names_the_formats_that_are_read_by_a_mapping() -> None:
-    schema = json.loads((ROOT / "schemas" / "json" / "mapping.schema.json").read_text("utf-8"))
-    assert sorted(schema["properties"]["format"]["enum"]) == sorted(MAPPED)

@@ -49,7 +49,7 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-def test_parts_come_back_with_their_parameters(short: Path) -> None:
+def test_parts_are_read_back_with_their_parameters(short: Path) -> None:
     read_back = read_part(short, SHORT, WHOLE)
     assert [(row["bone"], row["length_mm"]) for row in rows_of(read_back)] == [("a", 1.0), ("b", None)]
     assert read_back.column("hand").to_pylist() == ["right"] * 2
@@ -65,7 +65,7 @@ def test_parts_come_back_with_their_parameters(short: Path) -> None:
     assert pq.ParquetFile(short).num_row_groups == 1
 
 
-def test_a_part_that_the_file_lacks_and_one_that_failed(short: Path) -> None:
+def test_a_missing_part_is_refused_and_a_failed_one_gives_its_reason(short: Path) -> None:
     for part in (
         Part("left", "paper-fig4", "", "01"),
         Part("right", "rigid", "", "02"),
@@ -83,7 +83,7 @@ parts = st.builds(Part, st.sampled_from(["right", "left"]), names, names, names)
 
 
 @given(st.dictionaries(parts, st.none() | st.lists(st.floats(allow_nan=False), max_size=3), max_size=5))
-def test_any_parts_come_back(
+def test_every_part_is_read_back_with_its_own_rows(
     tmp_path_factory: pytest.TempPathFactory, contents: dict[Part, list[float] | None]
 ) -> None:
     """Whatever their names, each with its own rows and no other's; None is a failure."""
@@ -144,13 +144,13 @@ def long(tmp_path: Path) -> Path:
 
 
 def test_a_recordings_numbers_are_read_by_part_and_name(long: Path) -> None:
-    read_back = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
+    read_back = recording_numbers(long, METACARPALS, WHOLE, "rom", "", TURNS, 5)
     assert list(read_back) == ["thumb", "index"]
     for digit, values in read_back.items():
         np.testing.assert_array_equal(values, LONG[WHOLE, "rom", "", digit])
     for part, task, trial, digit in LONG:
-        other = recording_numbers(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
+        other = recording_numbers(long, METACARPALS, part, task, trial, ["qy"])[digit]
         np.testing.assert_array_equal(other[:, 0], LONG[part, task, trial, digit][:, 2])
-    assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
+    assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]

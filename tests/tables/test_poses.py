@@ -53,7 +53,7 @@ def test_a_segment_that_the_file_lacks_is_never_valid(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("thumb", [[1, 2, 4], [1, 2], [1, 2, 3, 4]])
 @pytest.mark.parametrize("block_frames", [2, None])
-def test_segments_that_do_not_share_their_frames(
+def test_segments_that_do_not_share_their_frames_are_refused(
     tmp_path: Path, thumb: list[int], block_frames: int | None
 ) -> None:
     path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": thumb})
@@ -89,7 +89,7 @@ def test_blocks_do_not_depend_on_row_groups(
         np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
 
 
-def test_a_recordings_name(tmp_path: Path) -> None:
+def test_the_name_of_a_recording_is_read_from_its_metadata(tmp_path: Path) -> None:
     path = write(tmp_path / "p.parquet", {"hand": [1]}, trial="2")
     assert str(recording_name(path)) == "subject 01, right hand, rom, 2"
     write_table(path, POSES, {column.name: [] for column in POSES.columns}, Provenance())

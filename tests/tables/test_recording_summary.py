@@ -35,7 +35,7 @@ def poses(
     return path
 
 
-def test_a_recording_without_problems(tmp_path: Path) -> None:
+def test_a_recording_without_problems_has_its_counts_and_no_finding(tmp_path: Path) -> None:
     row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", {}))
     counts = {"n_frames": N_FRAMES, "n_receivers": len(SEGMENTS), "duration_s": pytest.approx(39 / 240)}
     words = {"role": "both", "file": "data/a.csv", "status": "used", "message": "", "tracker": ""}

@@ -89,7 +89,9 @@ REST = "recordings: r.tsv\nlayout: arm\nmodels: [rigid]\n"
         ("x" * 2_100_000, "has 2100000 bytes; expected a study file, at most 2000000 bytes"),
     ],
 )
-def test_small_files_that_ask_for_much(tmp_path: Path, text: str, message: str) -> None:
+def test_a_small_configuration_that_unfolds_to_too_much_is_refused(
+    tmp_path: Path, text: str, message: str
+) -> None:
     path = tmp_path / "study.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message) as caught:

@@ -42,7 +42,7 @@ def data_of(path: Path) -> list[bytes]:
     return [data for piece in open_archive(path).pieces() for data in piece.data]
 
 
-def test_every_row_comes_back(tmp_path: Path) -> None:
+def test_every_archived_row_is_read_back(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "a.arrows"
     writer = ArchiveWriter(path, {"note": "é"}, utc_offset_ns=lambda: 5)
     writer.sent(b"P", 1)

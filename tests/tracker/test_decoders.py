@@ -124,7 +124,7 @@ def test_numbers_that_cannot_be_right_are_doubted() -> None:
 
 
 @pytest.mark.parametrize("lists", [{1: (2, 13)}, {17: (2,)}, {1: ()}])
-def test_lists_that_a_tracker_does_not_take(lists) -> None:
+def test_an_output_list_that_no_tracker_takes_is_refused(lists) -> None:
     with pytest.raises(InputError, match=r"output list .* of station .*; a LIBERTY has stations 1 to"):
         list_of_all(lists)
 
@@ -162,7 +162,7 @@ def test_a_wrong_checksum_is_no_frame() -> None:
     assert [(skip.offset, skip.size) for skip in decoded.skipped] == [(len(good), len(bad))]
 
 
-def test_replies_and_a_frame_without_sensors() -> None:
+def test_replies_of_a_viper_are_told_from_frames() -> None:
     answer, refused = viper_reply(7, b"\2\0\0\0"), viper_reply(20, b"", REFUSED)
     empty = viper_frame(3, ())
     decoded = read(VIPER, answer + viper_frame(1, (1,)) + refused + empty)

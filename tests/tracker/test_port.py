@@ -63,7 +63,7 @@ def gone(port: Port) -> str:
     return "not at all"
 
 
-def test_a_device_that_is_pulled_out(pty_pair: tuple[int, str]) -> None:
+def test_a_port_whose_device_is_pulled_out_is_gone(pty_pair: tuple[int, str]) -> None:
     master, name = pty_pair
     port = open_port(name, 115200)
     os.close(master)

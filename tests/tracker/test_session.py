@@ -197,7 +197,7 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
+def test_a_full_disk_ends_the_recording_and_what_was_kept_is_readable(emulated, tmp_path: Path) -> None:
     port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
 
     def limit() -> None:

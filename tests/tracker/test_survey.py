@@ -39,7 +39,7 @@ def decode(path: Path) -> FlaggedRecords:
     return part
 
 
-def test_a_faultless_capture(tmp_path: Path) -> None:
+def test_a_faultless_capture_has_no_finding_and_every_record(tmp_path: Path) -> None:
     path = write(tmp_path / "a.arrows", [cycle(frame) for frame in range(100, 580)])
     survey = survey_of(path)
     assert findings(survey) == []

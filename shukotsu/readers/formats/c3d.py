@@ -31,7 +31,7 @@ from shukotsu.tables.text_files import reading
 
 _BLOCK = 512
 _MOST_FRAMES = 65535
-"""What 16 bits count; as a count it means so many or more."""
+"""Largest count of 16 bits; it stands for any larger one as well."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ RIGID_VARIATION = 0.06
 """Each distance in a rigid group varies, noise apart, by less than this share of it and of its ends' ways."""
 _FRAMES, _MARKERS, _DISTANCES = 100, 200, 2_000_000
 _NOISE_WIDTH = 4.1
-"""So many sd of noise lie between the percentiles 2 and 98."""
+"""Width between the 2nd and 98th percentile of normal noise, in standard deviations."""
 
 
 def rigid_groups(points: Array, segments: Sequence[str] | None = None) -> list[list[int]]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
-from shukotsu.study.file_formats import AUTO, FORMATS, MAPPED
+from shukotsu.study.file_formats import AUTO, FORMATS, UNMAPPED, format_of, function_of
 from shukotsu.tables.text_files import open_text
 
 if TYPE_CHECKING:
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from shukotsu.study.mapping import FileMapping
     from shukotsu.tracker.emulated_device import PlayedMotion
 
-    Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 
@@ -28,31 +26,30 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     The recording comes part by part, at least one; what a part notes is of the whole recording.
     Raises InputError where the ending is none that is known, or is one that needs a mapping.
     """
+    from shukotsu.readers.samples import Samples
+
     if mapping is not None:
-        chosen = MAPPED[mapping.format]
+        chosen = FORMATS[mapping.format]
+        function = chosen.mapped_reader or chosen.reader
     else:
-        by_ending = (key for key, form in FORMATS.items() if path.name.lower().endswith(form.endings))
-        name = next(by_ending, "") if name == AUTO else name
-        if not name:
+        named = format_of(path) if name == AUTO else FORMATS[name]
+        if named is None or named.needs_mapping:
             with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
                 pass
-            endings = ", ".join(ending for form in FORMATS.values() for ending in form.endings)
+            endings = ", ".join(ending for name in UNMAPPED for ending in FORMATS[name].endings)
             raise InputError(
                 f"{path}: the ending {path.suffix!r} does not say which format this is (known are "
-                f"{endings}); give --format {' or '.join(FORMATS)}, or a mapping: "
+                f"{endings}); give --format {' or '.join(UNMAPPED)}, or a mapping: "
                 "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
             )
-        chosen = FORMATS[name]
-    read = getattr(importlib.import_module(f"{__package__}.{chosen.module}"), chosen.function)
-    return read if chosen.in_parts else lambda path, layout, mapping: iter([read(path, layout, mapping)])
+        function = named.reader
+    read = function_of(__package__, function)
 
+    def parts(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
+        samples = read(path, layout, mapping)
+        return iter([samples]) if isinstance(samples, Samples) else samples
 
-def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
-    """Return the same reader as `find_parts_reader`, one that gives the recording whole."""
-    from shukotsu.readers.samples import join_samples
-
-    read = find_parts_reader(path, name, mapping)
-    return lambda path, layout, mapping: join_samples(read(path, layout, mapping))
+    return parts
 
 
 def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> PlayedMotion:
@@ -63,11 +60,12 @@ def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -
     """
     import numpy as np
 
+    from shukotsu.readers.samples import join_samples
     from shukotsu.study.layout import read_layout
     from shukotsu.tracker.emulated_device import MAX_STATION, recorded_motion
 
     layout = read_layout(layout_name)
-    samples = find_reader(path, AUTO)(path, layout, None)
+    samples = join_samples(find_parts_reader(path, AUTO)(path, layout, None))
     receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
     receivers[receivers > MAX_STATION] = 0
     station = receivers[samples.segment]

@@ -444,7 +444,7 @@ def _time_of_tracker(unit: Unit, time: Array) -> Unit:
 
 
 _NEAREST_MM = 30.0
-"""About so far is the next receiver on a hand that wears one a phalanx."""
+"""Usual distance of neighbouring receivers on a hand with one per phalanx."""
 
 
 def _nearest(position: Array) -> str:
@@ -508,22 +508,22 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
     return config
 
 
-def is_tidy(path: Path) -> bool:
-    """Return whether a text file's first line has the columns of a tidy recording."""
+def describe_text(path: Path, layout: Layout) -> Description:
+    """Describe a text file: a tidy recording where its first line has the columns of one, or any table.
+
+    Raises InputError where the text is no table, or a cell of a tidy recording is not what its column holds.
+    """
     with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
-    return _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))])
+    if not _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))]):
+        return describe_table(path, layout)
+    table = open_tidy_csv(path)
+    blocks = table.blocks(wanted_columns(path, table.header))
+    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
     return {*REQUIRED} <= {*names} and not {SEGMENT, RECEIVER}.isdisjoint(names)
-
-
-def describe_tidy_csv(path: Path, layout: Layout) -> Description:
-    """Describe a tidy CSV file. Raises InputError where a cell is not what its column holds."""
-    table = open_tidy_csv(path)
-    blocks = table.blocks(wanted_columns(path, table.header))
-    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
 
 
 def describe_parquet(path: Path, layout: Layout) -> Description:

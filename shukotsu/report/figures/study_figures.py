@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
@@ -88,17 +88,14 @@ if TYPE_CHECKING:
 
 def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
     """Draw the study's figures, STUDY_FIGURES in turn."""
-    movement, levels = read_movement(results), subject_groups(study)
-    draw: dict[str, Callable[[], tuple[Figure, str]]] = {
-        "models": lambda: models(results),
-        "joint-errors": lambda: joint_errors(results),
-        "joint-trust": lambda: joint_trust(results),
-        "ranges-of-motion": lambda: ranges_of_motion(results, movement),
-        "cycle-curves": lambda: study_cycles(results, movement, levels),
-        "groups": lambda: groups(results, study, movement),
+    taken = {
+        "results": results,
+        "study": study,
+        "movement": read_movement(results),
+        "groups": subject_groups(study),
     }
-    for name in STUDY_FIGURES:
-        yield draw_figure(name, draw[name])
+    for name, (function, *arguments) in STUDY_FIGURES.items():
+        yield draw_figure(name, partial(globals()[function], *map(taken.__getitem__, arguments)))
 
 
 _MODEL_ROW_MM = 6.0

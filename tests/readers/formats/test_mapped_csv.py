@@ -210,7 +210,9 @@ def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", ["time", "receiver"])
 @pytest.mark.parametrize(("rate_hz", "sd_ms"), [(120, 0.3), (120, 1.5), (120, 3.0), (240, 0.3), (240, 1.5)])
 @pytest.mark.parametrize("lost", [0.0, 0.03])
-def test_frames_of_rows_that_arrive_late(lost: float, rate_hz: float, sd_ms: float, order: str) -> None:
+def test_rows_that_arrive_late_are_put_into_as_many_frames_as_were_recorded(
+    lost: float, rate_hz: float, sd_ms: float, order: str
+) -> None:
     """As many frames as were recorded, or a sentence that their number is open; few rows a frame off."""
     random, tracks = np.random.default_rng(4), {}
     for segment in map(str, range(12)):

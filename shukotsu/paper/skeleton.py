@@ -1,0 +1,244 @@
+"""A skeleton: joints as projected or as the whole hand is fitted, judged, and written with its bones."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shukotsu.arrays import Array, Index
+from shukotsu.errors import InputError, TableError
+from shukotsu.hand.digit_chain import Rows
+from shukotsu.hand.measured import not_measured_text, not_worn
+from shukotsu.paper.hand import BuiltHand, build_hand, pose_metacarpals
+from shukotsu.study.layout import Layout
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.study import Recording
+from shukotsu.study.verdict import (
+    LEAST_KNUCKLES_MM,
+    NOT_WORN,
+    SUSPECT,
+    TOO_CLOSE,
+    UNJUDGED,
+    Doubts,
+    judged_bone,
+    judged_joint,
+)
+from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, JOINT_CENTRES
+from shukotsu.tables.parts import Opened, Part, PartsWriter, read_part
+from shukotsu.tables.poses import poses_reader, seen_segments, usable_poses
+from shukotsu.tables.typed_table import rows_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
+
+_KEPT_OF_FAILED = (
+    *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
+)
+"""Columns that a row keeps where the fit failed, or nobody wore a receiver."""
+
+
+def merge_fitted(
+    fitted_rows: Sequence[JointCentresRow], projected_rows: Sequence[JointCentresRow]
+) -> list[JointCentresRow]:
+    """Merge the joints of a whole-hand fit with those that were solved one by one.
+
+    Parameters
+    ----------
+    fitted_rows, projected_rows : sequence of dict
+        Rows of joint_centres from the fit, and from plane projection.
+
+    Returns
+    -------
+    list of dict
+        Projected joints in their order, replaced by the fit's where it has them, then the fit's other joints.
+
+    """
+    fitted = {row["joint"]: row for row in fitted_rows}
+    merged: list[JointCentresRow] = []
+    for projected in projected_rows:
+        row = fitted.pop(projected["joint"], None)
+        if row is None:
+            merged.append(projected)
+            continue
+        merged.append(  # with what only the joint-wise solution has
+            {
+                **row,
+                "gap_rms_free_mm": projected["gap_rms_free_mm"],
+                "n_frames": projected["n_frames"],
+                "n_effective": projected["n_effective"],
+            }
+        )
+    return [*merged, *fitted.values()]
+
+
+def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
+    """A row of joint_centres of a joint that failed."""
+    kept: Any = {name: value for name, value in row.items() if name in _KEPT_OF_FAILED}
+    failed: JointCentresRow = {"status": "failed", "message": message}
+    failed |= UNJUDGED | kept
+    return failed
+
+
+def judge_hand(
+    hand: BuiltHand, layout: Layout, suspicion: Doubts, worn: Collection[str] | None = None
+) -> BuiltHand:
+    """Add the verdict on every joint and bone.
+
+    Parameters
+    ----------
+    hand : BuiltHand
+        The assembled hand.
+    layout : Layout
+        Layout of the hand, with the wanted accuracy.
+    suspicion : mapping
+        Doubts of a suspect recording; empty where there is none.
+    worn : collection of str, optional
+        Segments whose receivers have a pose in the calibration; all if omitted. A joint that these do not
+        measure loses its numbers.
+
+    Returns
+    -------
+    BuiltHand
+        The same hand with verdicts.
+
+    """
+    wanted_mm = layout.wanted_mm
+    unworn = {} if worn is None else _unworn({row["joint"]: row for row in hand.joints}, layout, worn)
+    rows = [
+        _without_numbers(row, not_measured_text(unworn[row["joint"]])) if row["joint"] in unworn else row
+        for row in hand.joints
+    ]
+    close = knuckles_too_close({row["joint"]: row for row in rows}, layout)
+    doubts: dict[str, Doubts] = {
+        joint: {NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()
+    }
+    joints = {
+        row["joint"]: judged_joint(
+            row, wanted_mm, {**suspicion, **close.get(row["joint"], {}), **doubts.get(row["joint"], {})}
+        )
+        for row in rows
+    }
+    gone = {name for name, digit in layout.digits.items() if unworn.keys() >= {*digit.joints} & joints.keys()}
+    why = "not measured: no receiver on this digit"
+    bones: list[BoneLengthsRow] = [
+        {**bone, "length_mm": None, "sd_mm": None, "message": why} if bone["digit"] in gone else bone
+        for bone in hand.bones
+    ]
+    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in bones]
+    return replace(hand, joints=[*joints.values()], bones=bones)
+
+
+def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, list[str]]:
+    """The receivers that were not worn, by joint of a digit that is not measured, or failed, without them."""
+    unworn = {}
+    for name in (name for digit in layout.digits.values() for name in digit.joints if name in joints):
+        sides = (layout.joints[name].parent_receiver, layout.joints[name].child)
+        lacking = not_worn(layout, name, worn)
+        if not lacking and joints[name]["status"] == "failed":
+            lacking = [side for side in sides if layout.segments[side].measured and side not in worn]
+        if lacking:
+            unworn[name] = lacking
+    return unworn
+
+
+def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
+    """Find neighbouring MCP centres that are closer to each other than is anatomically plausible.
+
+    Parameters
+    ----------
+    joints : mapping
+        Rows of joint_centres by joint.
+    layout : Layout
+        Layout of the hand.
+
+    Returns
+    -------
+    dict
+        Joint -> the doubt about it.
+
+    """
+    knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
+    doubts: dict[str, Doubts] = {}
+    for pair in pairwise(joint for joint in knuckles if joint in joints):
+        first, second = (
+            np.array([joints[joint].get(f"parent_{axis}_mm") for axis in "xyz"], float) for joint in pair
+        )
+        apart_mm = float(np.linalg.norm(first - second))
+        receivers = {layout.joints[joint].parent_receiver for joint in pair}
+        if len(receivers) == 1 and apart_mm < LEAST_KNUCKLES_MM:
+            doubts |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
+    return doubts
+
+
+def is_whole(bone: BoneLengthsRow, layout: Layout) -> bool:
+    """Whether a row of bone_lengths spans the bone itself, neither starting at the wrist nor ending at a
+    receiver.
+    """
+    joint_of = {joint.child: name for name, joint in layout.joints.items()}
+    return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
+
+
+def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mapping[str, PartsWriter]) -> None:
+    """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals. opened : opens tables."""
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    projected = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, part)))
+    calibration = plan.calibrating(part.hand, part.model, part.made_without)
+    usable = usable_poses([plan.poses(r) for r in calibration])[0]
+    reader = poses_reader(usable, layout.measured)
+    if model.fitting is None:
+        hand = build_hand(_by("joint", projected), layout, model, reader)
+    else:
+        try:
+            fit = (part.hand, part.model)
+            fitted = read_part(plan.table("fitted_joints", *fit), JOINT_CENTRES, part)
+            rows = merge_fitted(list(rows_of(fitted)), projected)
+            bone_rows = rows_of(read_part(plan.table("fitted_bones", *fit), BONE_LENGTHS, part))
+            fitted_bones = _by("bone", bone_rows)
+        except TableError:
+            raise
+        except InputError as error:  # the reason goes into the rows
+            of_fit: JointCentresRow = {"source": "fit of the whole hand"}
+            rows, fitted_bones = [_without_numbers({**row, **of_fit}, str(error)) for row in projected], {}
+        hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
+    parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
+    keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
+    suspects = [recording.title for recording in plan.suspect if recording.hand.hand == part.hand]
+    worn = {segment for path in usable for segment in seen_segments(path)} or None
+    hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {}, worn)
+    tables["joint_centres"].rows(part, [{**row, **keys} for row in hand.joints], **parameters)
+    tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
+    tables["metacarpals"].rows(part, [], **parameters)
+    for recording in plan.posed(part.hand, part.made_without):
+        _pose_recording(plan, part, opened, hand, recording, tables["metacarpals"])
+
+
+def _pose_recording(
+    plan: SubjectPlan,
+    part: Part,
+    opened: Opened,
+    hand: BuiltHand,
+    recording: Recording,
+    metacarpals: PartsWriter,
+) -> None:
+    """Write the metacarpals of one recording, if it holds poses."""
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+
+    def posed_by_fit(segment: str, frames: Index) -> Array | None:
+        keys = (part, recording.task, recording.trial, [f"q{name}" for name in "wxyz"])
+        with opened(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
+            return parts.recording(*keys, len(frames), frames, segment).get(segment)
+
+    for path in usable_poses([plan.poses(recording)])[0]:
+        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # None: fit failed
+        for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
+            keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
+            metacarpals.columns(part, {**keys, **columns})
+
+
+def _by(key: str, rows: Any) -> Any:
+    """Rows by the value of a column."""
+    return {row[key]: row for row in rows}
