@@ -32,7 +32,7 @@ from shukotsu.fit.chain_builder import (
 from shukotsu.fit.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
 from shukotsu.fit.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
 from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
-from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, DigitAnatomy, prior
+from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Digit, Layout
@@ -78,7 +78,7 @@ def hand_model(
     seen: Sequence[str],
     wrist_mm: Array,
     free: Sequence[FreeJoint] = (),
-    scale: tuple[float, float] = (1.0, prior.SCALE_SD),
+    scale: tuple[float, float] = (1.0, PRIOR.SCALE_SD),
     anatomy: Mapping[str, DigitAnatomy] = DIGITS,
 ) -> HandModel:
     """Lay out all chains of a layout.
@@ -98,7 +98,7 @@ def hand_model(
         *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
         if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
             places = states.names.index(dip), states.names.index(pip)
-            states.follow(*places, prior.DIP_PER_PIP, prior.DIP_BY_PIP_SD_DEG)
+            states.follow(*places, PRIOR.DIP_PER_PIP, PRIOR.DIP_BY_PIP_SD_DEG)
     branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
     return HandModel(
         builder.unknowns,
@@ -174,16 +174,16 @@ class _DigitChain:
     def steps(self) -> list[Step]:
         """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
         builder, name = self.builder, self.digit.name
-        base_sd_mm = prior.THUMB_BASE_SD_MM if name == "thumb" else prior.BASE_SD_MM
+        base_sd_mm = PRIOR.THUMB_BASE_SD_MM if name == "thumb" else PRIOR.BASE_SD_MM
         base = [
             builder.place(builder.scale.times(at_mm), base_sd_mm, "base", f"{name} {letter}")
             for at_mm, letter in zip(self.anatomy.base_mm, "xyz", strict=True)
         ]
-        roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD
-        sds = zip((roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True)
+        roll_sd = PRIOR.THUMB_ROLL_SD_RAD if name == "thumb" else PRIOR.ROLL_SD_RAD
+        sds = zip((roll_sd, *(PRIOR.DIRECTION_SD_RAD,) * 2), "xyz", strict=True)
         turns = [builder.free(0.0, sd, "direction", f"{name} {letter}") for sd, letter in sds]
         if name != "thumb":
-            broader = builder.shared(prior.PALM_BREADTH_SD, "breadth", "palm")
+            broader = builder.shared(PRIOR.PALM_BREADTH_SD, "breadth", "palm")
             base[1] = base[1].plus(broader.times(float(self.anatomy.base_mm[1])))
             turns[2] = turns[2].plus(broader.times(float(self.anatomy.directions[0, 1])))
             builder.knuckles[name] = self._knuckle(base, turns)
@@ -219,9 +219,9 @@ class _DigitChain:
         for k, joint in enumerate(self.digit.joints):
             moves = bool(self.builder.layout.joints[joint].dof)
             if self.measured[k] and moves:
-                mean_and_sd = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
+                mean_and_sd = PRIOR.PHALANX_DEG if k else PRIOR.METACARPAL_DEG
             elif not self.measured[k]:
-                mean_and_sd = prior.PALM_DEG if moves else prior.STILL_PALM_DEG
+                mean_and_sd = PRIOR.PALM_DEG if moves else PRIOR.STILL_PALM_DEG
             else:
                 continue
             flexions[joint] = self.builder.states.add(joint, KINDS[0], *mean_and_sd)
@@ -251,26 +251,26 @@ class _DigitChain:
     def _length(self, k: int) -> Amount:
         """Length of bone k: average times the hand's scale, plus its own part and the source's."""
         kind, builder = self._kind(k), self.builder
-        own_sd_mm = prior.LENGTH_SD_MM[kind]
+        own_sd_mm = PRIOR.LENGTH_SD_MM[kind]
         if k == 0 and self.anatomy.second_axis is not None:
-            own_sd_mm = prior.THUMB_METACARPAL_SD_MM
+            own_sd_mm = PRIOR.THUMB_METACARPAL_SD_MM
         length = builder.scale.times(float(self.anatomy.lengths_mm[k]))
         length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
-        return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
+        return length.plus(builder.shared(PRIOR.SOURCE_SD_MM[kind], "source", kind))
 
     def _unmodelled_mm(self, k: int) -> float:
         """Sd of the part of a bone's length, as sources define it, that the chain does not model."""
         part = "phalanx" if k else "thumb_metacarpal" if self.digit.name == "thumb" else "metacarpal"
-        return prior.UNMODELLED_LENGTH_MM[part]
+        return PRIOR.UNMODELLED_LENGTH_MM[part]
 
     def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
         """The receiver of bone k: at mid-bone, driven by the joints beside it."""
         is_last = k == len(self.digit.segments) - 1
-        share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
+        share, height_mm = PRIOR.NAIL_SHARE if is_last else PRIOR.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
-            Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
+            Drive(self.flexions[joint], PRIOR.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
             for joint, segment in ends
             if joint in self.flexions and segment in self.builder.seen
         ]
@@ -320,25 +320,25 @@ class _Joint:
         declared, free = builder.layout.joints[joint], builder.free
         self.moves = bool(declared.dof)
         builder.axes[joint] = axis
-        sd = prior.AXIS_SD_RAD if second is None else prior.SKEW_AXIS_SD_RAD
+        sd = PRIOR.AXIS_SD_RAD if second is None else PRIOR.SKEW_AXIS_SD_RAD
         self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
         if not builder.layout.segments[declared.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
             if self.moves:
-                self.bent = free(0.0, prior.PALM_HELD_SD_RAD, "palm held", joint)
+                self.bent = free(0.0, PRIOR.PALM_HELD_SD_RAD, "palm held", joint)
             return
         abduction, axial = (
-            (prior.HINGE_DEG,) * 2 if declared.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
+            (PRIOR.HINGE_DEG,) * 2 if declared.dof == 1 else (PRIOR.ABDUCTION_DEG, PRIOR.AXIAL_DEG)
         )
         self.others = (
             builder.states.add(joint, KINDS[1], *abduction),
             builder.states.add(joint, KINDS[2], *axial),
         )
         if declared.dof == 1:
-            self.lean = free(0.0, prior.LEAN_SD_RAD, "lean", joint)
+            self.lean = free(0.0, PRIOR.LEAN_SD_RAD, "lean", joint)
         else:
             self.abducts = self.others[0]
-        self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if declared.dof == 1 else prior.JOINT_SLIDE_SD_MM
+        self.slide_sd_mm = PRIOR.HINGE_SLIDE_SD_MM if declared.dof == 1 else PRIOR.JOINT_SLIDE_SD_MM
         self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
         if second is not None:
@@ -346,12 +346,12 @@ class _Joint:
 
     def _make_skew(self, builder: Builder, second: Array) -> None:
         across = unit(second - (second @ self.axis) * self.axis)
-        skew = np.radians(prior.SKEW_DEG)
+        skew = np.radians(PRIOR.SKEW_DEG)
         self.second = np.cos(skew) * self.axis + np.sin(skew) * across
         self.skew_axis = unit(np.cross(self.axis, self.second))
-        self.skew = builder.free(prior.SKEW_MM, prior.SKEW_SD_MM, "skew", self.name)
+        self.skew = builder.free(PRIOR.SKEW_MM, PRIOR.SKEW_SD_MM, "skew", self.name)
         self.second_tilts = [
-            builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
+            builder.free(0.0, PRIOR.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
         self.lags = (
             builder.unknowns.add("place lag", self.name),
@@ -375,8 +375,8 @@ class _Joint:
         flex = tilt_steps(across_of(self.axis), self.tilts, [*mark, *held, turn])
         if self.ratio is not None:
             pronation = (
-                Term(prior.PRO_SUPINATION, None, self.flexion),
-                Term(prior.PRO_SUPINATION_SD, self.ratio, self.flexion),
+                Term(PRIOR.PRO_SUPINATION, None, self.flexion),
+                Term(PRIOR.PRO_SUPINATION_SD, self.ratio, self.flexion),
             )
             flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
         if self.others is None:
@@ -395,7 +395,7 @@ class _Joint:
         """Share of a joint angle that the receiver's place does not follow."""
         if not lagging or self.lags is None:
             return ()
-        return Term(prior.PLACE_LAG, None, state), Term(prior.PLACE_LAG_SD, self.lags[0], state)
+        return Term(PRIOR.PLACE_LAG, None, state), Term(PRIOR.PLACE_LAG_SD, self.lags[0], state)
 
     def turn_lag(self) -> tuple[Step, ...]:
         """Return how much less the receiver turns than its place does, about the joint's axes in the bone."""
@@ -404,6 +404,6 @@ class _Joint:
         steps = []
         axes = (self.axis, self.second, self.rest[:, 0])
         for axis, state in zip(axes, (self.flexion, *self.others), strict=True):
-            lag = Term(prior.TURN_LAG, None, state), Term(prior.TURN_LAG_SD, self.lags[1], state)
+            lag = Term(PRIOR.TURN_LAG, None, state), Term(PRIOR.TURN_LAG_SD, self.lags[1], state)
             steps.append(Operation(True, self.rest.T @ axis, 0.0, lag))
         return tuple(steps)

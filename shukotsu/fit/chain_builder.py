@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.fit.operations import Mark, Operation, Step, Term
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Layout
 
@@ -189,9 +189,9 @@ class Builder:
         how much less it turns than its place does. faces_anyhow : its roll about the bone is unconstrained.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
-        sds_mm = prior.MOUNT_SD_MM
+        sds_mm = PRIOR.MOUNT_SD_MM
         if habit is not None and self.layout.receiver_height_mm is not None:
-            sds_mm = (*sds_mm[:2], prior.HEIGHT_SD_MM)
+            sds_mm = (*sds_mm[:2], PRIOR.HEIGHT_SD_MM)
         placed = [
             self._put_on(at, sds_mm[i], "mount across" if i else "mount", segment, habit, i)
             for i, at in enumerate(position)
@@ -201,19 +201,19 @@ class Builder:
         self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
-            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
+            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", PRIOR.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
             if i == 0 and habit is not None:
-                sd = prior.FACING_SD_RAD if faces_anyhow else prior.ROUND_SD_RAD
+                sd = PRIOR.FACING_SD_RAD if faces_anyhow else PRIOR.ROUND_SD_RAD
                 steps.append(about(axis, self.free(0.0, sd, "facing", segment)))
         steps += lag
         for i, axis in enumerate(np.eye(3)):
-            slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
-            turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
-            skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
+            slope = float(np.radians(PRIOR.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
+            turn = self._put_on(Amount(slope, ()), PRIOR.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
+            skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", PRIOR.TILT_SD[i])
             if i == 1 and kind == "distal" and drives:
                 ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # beyond the usual
-                skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
+                skin += drives[0].terms(PRIOR.DISTAL_TILT) + drives[0].terms(PRIOR.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 
@@ -221,9 +221,9 @@ class Builder:
         """Amount by which skin and housing of all receivers are higher than expected."""
         height_mm = self.layout.receiver_height_mm
         if height_mm is None:
-            return self.shared(prior.COVER_SD_MM, "cover", "receivers")
-        higher = Amount(height_mm - prior.HOUSING_MM, ())
-        return higher.plus(self.shared(prior.SKIN_COVER_SD_MM, "cover", "receivers"))
+            return self.shared(PRIOR.COVER_SD_MM, "cover", "receivers")
+        higher = Amount(height_mm - PRIOR.HOUSING_MM, ())
+        return higher.plus(self.shared(PRIOR.SKIN_COVER_SD_MM, "cover", "receivers"))
 
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
@@ -232,12 +232,12 @@ class Builder:
         letter = "xyz"[axis]
         if habit is None:
             return self.place(mean, sd, group, f"{segment} {letter}")
-        by_chance = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
-        return by_chance.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
+        by_chance = self.place(mean, (1.0 - PRIOR.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
+        return by_chance.plus(self.shared(PRIOR.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
     def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
         """Return the terms that skin adds, an unknown of that sd per rad of each drive."""
-        sd *= prior.looseness(segment)
+        sd *= PRIOR.looseness(segment)
         terms: tuple[Term, ...] = ()
         for n, drive in enumerate(drives):
             terms += drive.terms(sd, self.unknowns.add(group, f"{segment} {n}"))

@@ -144,13 +144,13 @@ def _measured_poses(problem: Problem, x: Array, *, free_x: bool) -> derivatives.
     )
 
 
-def _prior(problem: Problem) -> derivatives.Prior:
+def _objective(problem: Problem) -> derivatives.Objective:
     most = max((len(branch.states) for branch in problem.branches), default=0)
     precision = np.zeros((len(problem.branches), most, most))
     for block, branch in zip(precision, problem.branches, strict=True):
         root, n = problem.state_prior(branch.states), len(branch.states)
         block[:n, :n] = problem.temper * root.T @ root
-    return derivatives.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
+    return derivatives.Objective(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
 
 
 def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
@@ -171,20 +171,20 @@ class _Evaluated:
     amounts: forward.Amounts
     at: forward.BranchPoses
     seen: derivatives.MeasuredPoses
-    prior: derivatives.Prior
+    objective: derivatives.Objective
     reached: forward.ReachedFrames
     current: derivatives.ResidualArrays
 
     @classmethod
     @lru_cache(maxsize=2)
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
-        chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
+        chains, at, objective, n_frames = _chains(problem), _poses(point), _objective(problem), len(point.y)
         amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)
         reached = _reached_buffers(problem.branches, n_frames)
         residuals_there = _residual_buffers(problem, n_frames)
         forward.reach(chains, chains.plan, amounts, at, reached)
-        derivatives.residuals(chains, reached, at, seen, prior, residuals_there)
-        return cls(chains, amounts, at, seen, prior, reached, residuals_there)
+        derivatives.residuals(chains, reached, at, seen, objective, residuals_there)
+        return cls(chains, amounts, at, seen, objective, reached, residuals_there)
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
@@ -254,7 +254,7 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
         derivatives.jacobian(
             at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
         )
-        r = elimination.eliminate(at.chains, at.current, at.at, at.prior, dampings, b, J_y, J, part)
+        r = elimination.eliminate(at.chains, at.current, at.at, at.objective, dampings, b, J_y, J, part)
         elimination.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
         J_x = J[6:].reshape(len(unknowns), r.size)
         Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
@@ -284,7 +284,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     """Fit states and roots with x fixed (Levenberg-Marquardt); each frame stops when it gains no more."""
-    chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
+    chains, amounts, objective = _chains(problem), _amounts(_chains(problem), point.x), _objective(problem)
     plan = forward.condense(chains, amounts)
     y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
     n_blocks = -(-len(y) // BLOCK_FRAMES)
@@ -295,7 +295,7 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
             buffers[len(rows)] = _posing_buffers(problem, len(rows))
         at = _poses(point.take(block))
         seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
-        posing.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, buffers[len(rows)])
+        posing.pose(chains, plan, amounts, seen, objective, steps, _LEAST_GAIN, at, buffers[len(rows)])
         y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
     return Point(point.x, y, root, root_mm)
 

@@ -64,7 +64,7 @@ simulated hands with nothing loose."""
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
 """First-order evidence for a displacement of each receiver."""
 
-PRIOR = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
+DISPLACEMENT_PRECISION = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
 _EDGE_STEPS, _LEAST_MORE = 12, 1e-12
 
@@ -86,7 +86,7 @@ class Displacement:
     @property
     def cost(self) -> float:
         """Minus its log prior."""
-        return float(self.step @ PRIOR @ self.step) / 2
+        return float(self.step @ DISPLACEMENT_PRECISION @ self.step) / 2
 
     def share(self, n_frames: int) -> Array:
         """Return how far (F,) of the way it has gone in every frame."""
@@ -172,7 +172,7 @@ class ScoreTest:
             for s in tested:
                 on_courses = _on_courses(slope[s], curvature[s], ways.share)
                 of_s, by_s = on_courses
-                step[s] = -np.linalg.solve(by_s + PRIOR, of_s[..., None])[..., 0]
+                step[s] = -np.linalg.solve(by_s + DISPLACEMENT_PRECISION, of_s[..., None])[..., 0]
                 gain[s] = -(of_s * step[s]).sum(-1) / 2
                 within = most_within(np.tile(radii[s], (len(ways.share), 1)), *on_courses)
                 abnormal[s] = gain[s] - within
@@ -241,7 +241,9 @@ class ScoreTest:
         way = self.ways.share[[self._course(displaced)]]
         s = displaced.receiver
         slope, curvature = _on_courses(self.slope[s], self.curvature[s], way)
-        rest = np.linalg.solve(curvature[0] + PRIOR, slope[0] + PRIOR @ displaced.step)
+        rest = np.linalg.solve(
+            curvature[0] + DISPLACEMENT_PRECISION, slope[0] + DISPLACEMENT_PRECISION @ displaced.step
+        )
         return replace(displaced, step=displaced.step - rest)
 
 

@@ -50,9 +50,18 @@ _PRIOR = np.diag(np.repeat(DISTURBED_SD, 3) ** -2.0)
 
 
 @dataclass(frozen=True)
-class Field:
-    """An error of the tracker that grows towards a source (3,), beside the place `nearest` (3,) where a
-    receiver came nearest to it: there `error` (6,), mm and rad in the transmitter's axes.
+class Disturbance:
+    """An error of the tracker that grows towards a piece of metal.
+
+    Parameters
+    ----------
+    source : array, shape (3,)
+        Place of the metal, mm in the transmitter's frame.
+    nearest : array, shape (3,)
+        Place at which a receiver came nearest to it.
+    error : array, shape (6,)
+        Error there, mm and rad in the transmitter's axes.
+
     """
 
     source: Array
@@ -74,25 +83,25 @@ SAME = 1e-4
 """mm, and elements of a rotation, by which a pose that is computed scatters at most, and no measured one."""
 
 
-def fields(places: Array) -> list[Field]:
+def fields(places: Array) -> list[Disturbance]:
     """Sources all round the places (P, 3) where receivers were, with no error yet."""
     every = np.array([n for n in product((-1.0, 0.0, 1.0), repeat=3) if any(n)])
     directions = every / np.linalg.norm(every, axis=1)[:, None]
     return [
-        Field(nearest + distance * outward, nearest, np.zeros(6))
+        Disturbance(nearest + distance * outward, nearest, np.zeros(6))
         for outward in directions
         for nearest in [places[np.argmax(places @ outward)]]
         for distance in DISTANCES_MM
     ]
 
 
-def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
+def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]:
     """The likeliest field, and the log likelihood that it explains beyond what any room has.
 
     Poses relative to one of the receivers hold no position in the room.
     """
     if _is_relative(problem.frames):
-        return Field(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
+        return Disturbance(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
     valid = problem.frames.valid.copy()
     for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
         for i, (_, s) in enumerate(receivers):

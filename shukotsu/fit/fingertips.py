@@ -21,7 +21,7 @@ from shukotsu.arrays import Float
 from shukotsu.errors import InputError
 from shukotsu.fit.chain_builder import bone, receiver
 from shukotsu.fit.fit import HandFit
-from shukotsu.fit.posterior import Evidence, places_of
+from shukotsu.fit.posterior import SolvedFit, places_of
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, rotate
@@ -108,9 +108,9 @@ def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 def fingertips(fit: HandFit) -> Fingertips:
     """Fingertips from the fit and population means of the soft parts, before any touch."""
-    offsets, n_unknowns = _average_offsets_mm(fit), len(fit.evidence.posterior.x)
+    offsets, n_unknowns = _average_offsets_mm(fit), len(fit.posterior.x)
     covariance = np.zeros((n_unknowns + offsets.size,) * 2)
-    covariance[:n_unknowns, :n_unknowns] = fit.evidence.posterior.covariance
+    covariance[:n_unknowns, :n_unknowns] = fit.posterior.covariance
     variance = np.broadcast_to(np.square([TIP_SD_MM, PAD_SD_MM]), offsets.shape)
     covariance[n_unknowns:, n_unknowns:] = np.diag(variance.ravel())
     return fingertips_of(fit, offsets, covariance)
@@ -120,9 +120,9 @@ def fingertips_of(
     fit: HandFit, offsets_mm: Array, covariance: Array, refused: tuple[str, ...] = ()
 ) -> Fingertips:
     """Compute the fingertips from a fit and the soft parts' offsets, given their joint covariance."""
-    seen = seen_parts(fit.evidence, fit.evidence.posterior.x, offsets_mm)
+    seen = seen_parts(fit, fit.posterior.x, offsets_mm)
     digits = {}
-    for digit in tipped_digits(fit.evidence):
+    for digit in tipped_digits(fit):
         parts = []
         for part in (BONE, *SOFT_PARTS):
             point, by_all = seen[digit.name, part]
@@ -131,19 +131,19 @@ def fingertips_of(
     return Fingertips(fit, offsets_mm, covariance, digits, refused)
 
 
-def tipped_digits(evidence: Evidence) -> list[Digit]:
+def tipped_digits(fit: SolvedFit) -> list[Digit]:
     """Digits of known anatomy whose last bone carries a receiver."""
-    return [d for d in known_digits(evidence.layout) if d.tip in evidence.model.receivers]
+    return [d for d in known_digits(fit.layout) if d.tip in fit.model.receivers]
 
 
-def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
+def seen_parts(fit: SolvedFit, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
     """Bones' ends, tips and pads (3,) in their receivers' frames, with derivatives (3, G + 6 D)."""
-    model = evidence.model
-    places = places_of(model, evidence.posterior.moved_to(x, evidence.posterior.covariance))
+    model = fit.model
+    places = places_of(model, fit.posterior.moved_to(x, fit.posterior.covariance))
     seen = {}
-    for i, digit in enumerate(tipped_digits(evidence)):
+    for i, digit in enumerate(tipped_digits(fit)):
         worn, last = places[receiver(digit.tip)], places[bone(digit.tip)]
-        to_receiver = evidence.convention.point_matrix(digit.tip)
+        to_receiver = fit.convention.point_matrix(digit.tip)
         length = model.length[digit.tip]
         longer = np.zeros((3, len(x)))
         longer[0] = length.row(len(x))
@@ -165,11 +165,11 @@ def _average_offsets_mm(fit: HandFit) -> Array:
     """Offsets (D, 2, 3) of soft tips and pads in a hand of this size."""
     average = {
         segment: float(length)
-        for digit in known_digits(fit.evidence.layout)
+        for digit in known_digits(fit.layout)
         for segment, length in zip(digit.segments, DIGITS[digit.name].lengths_mm, strict=True)
     }
     size = sum(fit.bones[segment].length_mm for segment in average) / max(sum(average.values()), 1.0)
-    digits = tipped_digits(fit.evidence)
+    digits = tipped_digits(fit)
     offsets = np.zeros((len(digits), len(SOFT_PARTS), 3))
     for i, digit in enumerate(digits):
         offsets[i, 0, 0] = DIGITS[digit.name].soft_tip_mm

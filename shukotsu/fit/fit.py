@@ -24,19 +24,19 @@ from shukotsu.fit.free_joints import free_joints
 from shukotsu.fit.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
 from shukotsu.fit.measurements import Measurement, breadth, observations, planes, side_by_side
 from shukotsu.fit.normal_equations import (
+    FieldDistortion,
     Frames,
     Observations,
     Point,
     Problem,
     Reduced,
     Residuals,
-    RoomField,
     pairs,
 )
-from shukotsu.fit.posterior import Evidence, Posterior
+from shukotsu.fit.posterior import Posterior, SolvedFit
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.fit.receiver_frames import Convention, concatenate_poses, neighbours, postures, spread_frames
-from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, DigitAnatomy, prior
+from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -176,16 +176,15 @@ class FitSettings:
 
 
 @dataclass(frozen=True)
-class HandFit:
-    """A fitted hand, its evidence, and every receiver's rms residual, mm and deg per component."""
+class HandFit(SolvedFit):
+    """A fitted hand. residual_rms : of every receiver, mm and deg per component; NaN if it was never seen."""
 
-    evidence: Evidence
     residual_rms: Mapping[str, tuple[float, float]]
 
     @cached_property
     def summary(self) -> HandSummary:
         """Joints between receivers and beside them, and the angles' axes."""
-        return summarise(self.evidence)
+        return summarise(self)
 
     @property
     def joints(self) -> Mapping[str, FittedJoint]:
@@ -195,25 +194,17 @@ class HandFit:
     @cached_property
     def bones(self) -> Mapping[str, FittedBone]:
         """Lengths of the bones, by segment."""
-        lengths = self.evidence.model.length.items()
-        return {
-            segment: FittedBone(*self.evidence.posterior.of_amount(length)) for segment, length in lengths
-        }
+        lengths = self.model.length.items()
+        return {segment: FittedBone(*self.posterior.of_amount(length)) for segment, length in lengths}
 
     @property
     def side(self) -> str:
         """Whether the hand is right or left."""
-        return "left" if self.evidence.convention.left else "right"
-
-    @property
-    def converged(self) -> bool:
-        """Whether the last round ended because nothing moved any more."""
-        return self.evidence.converged
+        return "left" if self.convention.left else "right"
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
-        """The hand with other unknowns (G,) and covariance (G, G)."""
-        evidence = replace(self.evidence, posterior=self.evidence.posterior.moved_to(x, covariance))
-        return replace(self, evidence=evidence)
+        """Return the hand with other unknowns (G,) and covariance (G, G)."""
+        return replace(self, posterior=self.posterior.moved_to(x, covariance))
 
 
 def fit_hand(
@@ -263,11 +254,11 @@ def fit_hand(
     convention = Convention.of(layout, receivers, hand)
     everything = convention.frames(concatenate_poses(recordings))
     frames, share = _choose_frames(everything, layout, convention.receivers, settings.n_frames)
-    scale = (1.0, prior.SCALE_SD)
+    scale = (1.0, PRIOR.SCALE_SD)
     if hand_length_mm is not None:
-        scale = hand_length_mm / AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH
+        scale = hand_length_mm / AVERAGE_LENGTH_MM, PRIOR.SCALE_SD_BY_LENGTH
     model = _model(layout, convention, everything, frames, scale)
-    field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
+    field = FieldDistortion.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).plus(planes(model, layout, convention, frames))
     measured = measured.plus(breadth(model, hand_breadth_mm))
     problem = _problem(model, frames, measured, field)
@@ -278,10 +269,18 @@ def fit_hand(
         point = without_noise_bias(problem, solution.point)
         solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
-    evidence = Evidence(
-        layout, model, convention, problem, posterior, posterior, share, solution.point.y, solution.converged
+    return HandFit(
+        layout,
+        model,
+        convention,
+        problem,
+        posterior,
+        alone=posterior,
+        share=share,
+        states=solution.point.y,
+        converged=solution.converged,
+        residual_rms=_residual_rms(problem, solution, model),
     )
-    return HandFit(evidence, _residual_rms(problem, solution, model))
 
 
 def _model(
@@ -312,7 +311,7 @@ def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Ma
     return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
-def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField) -> Problem:
+def _problem(model: HandModel, frames: Frames, measured: Observations, field: FieldDistortion) -> Problem:
     """The problem with every scale as published."""
     return Problem(
         branches=model.branches,
@@ -398,7 +397,7 @@ def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, Han
     linear in its unknowns, so that conditioning on their difference is exactly one fit of both hands.
     """
     bones = [name for name in first_fit.bones if name in second_fit.bones]
-    first, second = _lengths(first_fit.evidence, bones), _lengths(second_fit.evidence, bones)
+    first, second = _lengths(first_fit, bones), _lengths(second_fit, bones)
     difference = first[0] - second[0]
     spread = first[2] + second[2] + np.diag((SIDE_SD * first[0]) ** 2)
     pull = np.linalg.solve(spread, np.concatenate([difference[:, None], first[1], second[1]], 1))
@@ -406,17 +405,17 @@ def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, Han
     steps = -first[1].T @ pull[:, 0], second[1].T @ pull[:, 0]
     shrinks = first[1].T @ pull[:, 1 : 1 + n_one], second[1].T @ pull[:, 1 + n_one :]
     first_fit, second_fit = (
-        fit.moved_to(fit.evidence.posterior.x + step, fit.evidence.posterior.covariance - shrink)
+        fit.moved_to(fit.posterior.x + step, fit.posterior.covariance - shrink)
         for fit, step, shrink in zip((first_fit, second_fit), steps, shrinks, strict=True)
     )
     return first_fit, second_fit
 
 
-def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]:
+def _lengths(fit: SolvedFit, bones: list[str]) -> tuple[Array, Array, Array]:
     """Lengths (B,), their covariance with the unknowns (B, G) and with each other (B, B)."""
-    posterior, amounts = evidence.posterior, [evidence.model.length[name] for name in bones]
+    posterior, amounts = fit.posterior, [fit.model.length[name] for name in bones]
     rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
-    rows[:, np.array(evidence.model.unknowns.groups) == UNMODELLED] = 0.0  # which both hands are off by alike
+    rows[:, np.array(fit.model.unknowns.groups) == UNMODELLED] = 0.0  # which both hands are off by alike
     lengths = np.array([amount.constant for amount in amounts]) + rows @ posterior.x
     with_unknowns = rows @ posterior.covariance
     return lengths, with_unknowns, with_unknowns @ rows.T

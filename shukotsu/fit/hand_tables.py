@@ -91,7 +91,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
             "driven_by": "",
             "message": "",
         }
-        for digit in fit.evidence.layout.digits.values()
+        for digit in fit.layout.digits.values()
         for index, segment in enumerate(digit.segments)
         if segment in fit.bones
     ]
@@ -106,12 +106,12 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
     rows: list[ReceiversRow] = []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
     displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
-    for segment in fit.evidence.model.receivers:
+    for segment in fit.model.receivers:
         residual_mm, residual_deg = fit.residual_rms[segment]
         row: ReceiversRow = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
         columns: Any = {}
-        for name, amount in zip(MOUNT_PARTS, fit.evidence.model.mount.get(segment, ()), strict=False):
-            columns[f"{name}_mm"], columns[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
+        for name, amount in zip(MOUNT_PARTS, fit.model.mount.get(segment, ()), strict=False):
+            columns[f"{name}_mm"], columns[f"{name}_sd_mm"] = fit.posterior.of_amount(amount)
         row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
         if not np.isfinite(residual_mm):
             row |= {"status": "failed", "message": "no valid pose in the calibration"}
@@ -162,7 +162,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
     field = unsteady.displaced.field
     if field is None:
         return {}
-    source_mm = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
+    source_mm = fit.convention.world(np.eye(3), field.nearest)[1]
     columns: dict[str, ReceiversRow] = {}
     for segment, error in unsteady.field_errors.items():
         row: ReceiversRow = {

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.fit.field_test import Field
+from shukotsu.fit.field_test import Disturbance
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, recording_of_rows
 from shukotsu.fit.receiver_frames import concatenate_poses
@@ -87,7 +87,7 @@ def is_elsewhere(before: HandFit, after: HandFit) -> bool:
     return False
 
 
-def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Field | None) -> dict[str, Array]:
+def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance | None) -> dict[str, Array]:
     """The largest error (6,), mm and rad, of a disturbed field at each receiver that it reaches."""
     if field is None:
         return {}
@@ -101,10 +101,10 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Field | None)
     }
 
 
-def _errors(fit: HandFit, recordings: Sequence[Poses], field: Field) -> Array:
+def _errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance) -> Array:
     """The field's error (T, S, 6) at every receiver of the recordings, as they name them."""
     position = concatenate_poses(recordings).position_mm
-    error = field.at(fit.evidence.convention.world(np.eye(3), position)[1])
+    error = field.at(fit.convention.world(np.eye(3), position)[1])
     return np.where(np.isfinite(error), error, 0.0)
 
 

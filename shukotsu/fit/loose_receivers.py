@@ -18,12 +18,12 @@ import numpy as np
 from shukotsu.fit.chain import HandModel
 from shukotsu.fit.compiled_equations import pose, residuals
 from shukotsu.fit.displacement_test import MOMENTS, Displacement, ScoreTest
-from shukotsu.fit.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
+from shukotsu.fit.field_test import LEAST_FIELD_GAIN, Disturbance, likeliest_field
 from shukotsu.fit.fit import FAMILIES, HandFit
 from shukotsu.fit.gauss_newton import NEARLY, first_guess, solve
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, Residuals
 from shukotsu.fit.operations import Index
-from shukotsu.fit.posterior import Evidence
+from shukotsu.fit.posterior import SolvedFit
 from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -103,7 +103,7 @@ class Displaced:
     """Receivers that came loose or slid, in order of time; or a disturbed field instead."""
 
     loose: Sequence[LooseReceiver] = ()
-    field: Field | None = None
+    field: Disturbance | None = None
 
 
 def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
@@ -117,12 +117,12 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
     poses = concatenate_poses(recordings)
     n_even = min(EVEN_FRAMES, len(poses.frame))
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, n_even).round().astype(int))
-    problem, point = _pose_frames(fit, fit.evidence.convention.frames(poses.take(rows)))
-    tested = Tested.of(fit.evidence)
+    problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
+    tested = Tested.of(fit)
     field, gain = likeliest_field(problem, point)
     if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
         return Displaced(field=field)
-    model, start = fit.evidence.model, list[Displacement]()
+    model, start = fit.model, list[Displacement]()
     skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
     if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
         problem = replace(problem, precision=np.ones(len(problem.precision)))
@@ -142,12 +142,12 @@ def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
     if len(poses.frame) < MOMENTS:
         return []
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, EVEN_FRAMES).round().astype(int))
-    problem, point = _pose_frames(fit, fit.evidence.convention.frames(poses.take(rows)))
-    posterior = fit.evidence.posterior
+    problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
+    posterior = fit.posterior
     root = np.linalg.cholesky(np.linalg.inv(posterior.covariance)).T
     calibrated = Observations(root, root @ posterior.x)
     problem = replace(problem, precision=np.zeros(len(posterior.x)), observations=calibrated)
-    tested = replace(Tested.of(fit.evidence), calibrated=True)
+    tested = replace(Tested.of(fit), calibrated=True)
     put_back, displaced = _search(problem, point, [], tested)
     if not displaced:
         return []
@@ -182,7 +182,7 @@ def _loose(
             Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]))
             for row in (first, last)
         )
-        loose.append(LooseReceiver(fit.evidence.model.receivers[moved.receiver], start, end, moved.step))
+        loose.append(LooseReceiver(fit.model.receivers[moved.receiver], start, end, moved.step))
     return sorted(loose, key=lambda receiver: (receiver.start.recording, receiver.start.frame))
 
 
@@ -199,12 +199,12 @@ class Tested:
     calibrated: bool = False
 
     @classmethod
-    def of(cls, evidence: Evidence) -> Tested:
+    def of(cls, fit: SolvedFit) -> Tested:
         """Return those over bones of known anatomy."""
-        names, metacarpals = evidence.model.receivers, {d.segments[0] for d in known_digits(evidence.layout)}
+        names, metacarpals = fit.model.receivers, {d.segments[0] for d in known_digits(fit.layout)}
         kinds = ["metacarpal" if name in metacarpals else "phalanx" for name in names]
-        kinds[names.index(root_of(evidence.layout))] = "palm"
-        over_bones = tuple(s for s, name in enumerate(names) if name in evidence.model.mount)
+        kinds[names.index(root_of(fit.layout))] = "palm"
+        over_bones = tuple(s for s, name in enumerate(names) if name in fit.model.mount)
         return cls(over_bones, np.array([NORMAL[kind] for kind in kinds]))
 
     def scored(self, problem: Problem, point: Point, only: Sequence[int] = ()) -> ScoreTest:
@@ -220,11 +220,10 @@ def recording_of_rows(recordings: Sequence[Poses]) -> Index:
 
 def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
     """The problem on these frames, residuals weighed as they scatter: a loose receiver made its own large."""
-    evidence = fit.evidence
-    samples = evidence.problem.temper * len(evidence.problem.frames.valid)
+    samples = fit.problem.temper * len(fit.problem.frames.valid)
     temper = min(1.0, samples / len(frames.valid))
-    problem = replace(evidence.problem, frames=frames, temper=temper)
-    point = pose(problem, first_guess(problem, evidence.model, evidence.posterior.x), _POSING_STEPS)
+    problem = replace(fit.problem, frames=frames, temper=temper)
+    point = pose(problem, first_guess(problem, fit.model, fit.posterior.x), _POSING_STEPS)
     problem = replace(problem, sd=_momentary_sd(problem, residuals(problem, point)))
     return problem, pose(problem, point, _POSING_STEPS)
 
@@ -364,7 +363,7 @@ def _exact_row(
     first = rows[max(0, displaced.start - _SAME_MOMENT)]
     last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
-    frames = fit.evidence.convention.frames(poses.take(near))
+    frames = fit.convention.frames(poses.take(near))
     before, costs = [], []
     for other in others:  # of the even frames, among the near ones
         moments = (np.interp(moment, np.arange(len(rows)), rows) for moment in (other.start, other.end))
@@ -372,7 +371,7 @@ def _exact_row(
         before.append(replace(other, start=int(start), end=int(stop)))
     for put_back in (before, [*before, replace(displaced, start=0, end=0)]):
         dense = replace(problem, frames=_put_back(frames, put_back))
-        point = pose(dense, first_guess(dense, fit.evidence.model, x), _POSING_STEPS)
+        point = pose(dense, first_guess(dense, fit.model, x), _POSING_STEPS)
         costs.append(residuals(dense, point).frame_cost)
     excess = np.concatenate([[0.0], np.cumsum(costs[0] - costs[1])])  # more with the receiver put back
     return int(near[min(int(np.argmin(excess)), len(near) - 1)])

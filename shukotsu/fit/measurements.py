@@ -16,13 +16,13 @@ from shukotsu.fit.chain import HandModel
 from shukotsu.fit.chain_builder import Amount
 from shukotsu.fit.normal_equations import Frames, Observations
 from shukotsu.fit.receiver_frames import Convention
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.verdict import LEAST_KNUCKLES_MM
 
-PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
+PLANE_SD_MM, PLANE_SD_RAD = PRIOR.MOUNT_SD_MM[1], PRIOR.MOUNT_TURN_SD_RAD
 """Sd of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
 which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
 
@@ -75,12 +75,12 @@ def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
     """Breadth over skin: the knuckles of index and little finger, and flesh that grows with the hand."""
     if breadth_mm is None or not model.length:
         return Observations.of([], [], len(model.unknowns.names))
-    over_skin = model.scale.times(prior.AVERAGE_BREADTH_MM)
+    over_skin = model.scale.times(PRIOR.AVERAGE_BREADTH_MM)
     if {"index", "little"} <= {*model.knuckles}:
         span = _apart(model, "index", "little")
         over_skin = over_skin.plus(model.scale.times(-span.constant / model.scale.constant)).plus(span)
-    row = over_skin.row(len(model.unknowns.names)) / prior.BREADTH_SD_MM
-    return Observations.of([row], [(breadth_mm - over_skin.constant) / prior.BREADTH_SD_MM], len(row))
+    row = over_skin.row(len(model.unknowns.names)) / PRIOR.BREADTH_SD_MM
+    return Observations.of([row], [(breadth_mm - over_skin.constant) / PRIOR.BREADTH_SD_MM], len(row))
 
 
 def side_by_side(model: HandModel, x: Array) -> Observations:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from shukotsu.arrays import Float
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.operations import Branch, Index, Reached
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import Array, exp_rotation
 
 _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
@@ -29,7 +29,7 @@ _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
 
 
 @dataclass(frozen=True)
-class RoomField:
+class FieldDistortion:
     """The unknowns (12,) of a room's field: a turn about three axes, and how it grows along three more each.
 
     centre_mm : (3,) where the turn is that which all have in common; reach_mm : how far from there it grows,
@@ -41,7 +41,7 @@ class RoomField:
     reach_mm: float
 
     @classmethod
-    def among(cls, unknowns: Unknowns, places_mm: Array) -> RoomField:
+    def among(cls, unknowns: Unknowns, places_mm: Array) -> FieldDistortion:
         """Add the field's unknowns to a hand's; places_mm : (N, 3) where receivers were."""
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
@@ -57,7 +57,7 @@ class RoomField:
         out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
         slope = self._slope(position_mm)
         for axis in range(3):
-            out[..., axis, axis] = prior.FIELD_TURN_SD_RAD
+            out[..., axis, axis] = PRIOR.FIELD_TURN_SD_RAD
             out[..., axis, 3 + 3 * axis : 6 + 3 * axis] = slope
         return out
 
@@ -65,13 +65,13 @@ class RoomField:
         """Derivative (..., 3) of each axis of the turn by the unknowns of its growth, at places (..., 3)."""
         off_mm = position_mm - self.centre_mm
         far = np.linalg.norm(off_mm, axis=-1, keepdims=True) / max(self.reach_mm, 1.0)
-        return np.asarray(prior.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
+        return np.asarray(PRIOR.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
 
     def turn(self, position_mm: Array, x: Array) -> Array:
         """Return the field's rotations (..., 3, 3) of what is measured at places (..., 3); x : (G,)."""
         turn, slopes = np.split(x[self.unknowns], [3])
         return exp_rotation(
-            prior.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
+            PRIOR.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
         )
 
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
@@ -79,7 +79,7 @@ class RoomField:
         return np.asarray(self.turn(position_mm, -x) @ rotation)
 
 
-Rows = Index | npt.NDArray[np.bool_] | slice
+FrameSelection = Index | npt.NDArray[np.bool_] | slice
 
 HUBER = 3.55
 """Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
@@ -93,7 +93,7 @@ class Frames:
     position_mm: Array
     valid: npt.NDArray[np.bool_]
 
-    def take(self, rows: Rows) -> Frames:
+    def take(self, rows: FrameSelection) -> Frames:
         """Return some of the frames."""
         return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
 
@@ -107,7 +107,7 @@ class Point:
     root: Array
     root_mm: Array
 
-    def take(self, rows: Rows) -> Point:
+    def take(self, rows: FrameSelection) -> Point:
         """Return some of the frames."""
         return Point(self.x, self.y[rows], self.root[rows], self.root_mm[rows])
 
@@ -152,7 +152,7 @@ class Problem:
     precision: Array
     observations: Observations
     state_link: Array | None = None
-    field: RoomField | None = None
+    field: FieldDistortion | None = None
 
     def unknowns_of(self, index: int) -> Index:
         """Indices into x of what moves the receivers of a branch, or how they are measured."""

@@ -54,10 +54,24 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad.
+class SolvedFit:
+    """A solved fit of a hand.
 
-    alone : the posterior before conditioning on the other hand and on touches.
+    Parameters
+    ----------
+    layout, model, convention, problem
+        What was fitted, and to which F frames; its residual sd and precisions are those of the last round.
+    posterior : Posterior
+        Of the hand's unknowns, conditioned on the other hand and on touches where there are any.
+    alone : Posterior
+        Before it was conditioned on them.
+    share : array, shape (F,)
+        Share of the recording that each frame stands for.
+    states : array, shape (F, S)
+        Joint angles of the frames, rad.
+    converged : bool
+        Whether the last round's steps became negligible.
+
     """
 
     layout: Layout
@@ -115,7 +129,7 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
 
 
 def centre_by_unknowns(
-    joint: Joint, places: Mapping[str, Place], evidence: Evidence
+    joint: Joint, places: Mapping[str, Place], fit: SolvedFit
 ) -> tuple[dict[str, Array], Array]:
     """Compute a joint's centre in both receivers and its derivative by the unknowns.
 
@@ -125,8 +139,8 @@ def centre_by_unknowns(
         Of the layout.
     places : mapping of str to Place
         Every marked frame at the mean posture (`places_of`).
-    evidence : Evidence
-        The solved fit.
+    fit : SolvedFit
+        The hand.
 
     Returns
     -------
@@ -136,11 +150,11 @@ def centre_by_unknowns(
         Derivatives of both in the receivers' own frames, the parent's first.
 
     """
-    centre = places[evidence.model.centres[joint.name]]
-    points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
+    centre = places[fit.model.centres[joint.name]]
+    points, by_x = {}, np.full((6, len(fit.posterior.x)), np.nan)
     for side, segment in enumerate((joint.parent_receiver, joint.child)):
         points[segment] = np.full(3, np.nan)
         if receiver(segment) in places:
             points[segment], moved = places[receiver(segment)].sees(centre)
-            by_x[3 * side : 3 * side + 3] = evidence.convention.point_matrix(segment) @ moved
+            by_x[3 * side : 3 * side + 3] = fit.convention.point_matrix(segment) @ moved
     return points, by_x

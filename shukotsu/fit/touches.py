@@ -118,7 +118,7 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
         u, covariance, misfits = _condition(tips, equations)
         worst = max(range(len(equations)), key=lambda i: misfits[i][0])
         if misfits[worst][0] <= WORST:
-            n_unknowns = len(tips.fit.evidence.posterior.x)  # the mean joint angles go along
+            n_unknowns = len(tips.fit.posterior.x)  # the mean joint angles go along
             fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
             offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
             return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))
@@ -152,8 +152,8 @@ def _condition(
     tips: Fingertips, equations: Sequence[_Equation]
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
     """Unknowns and offsets (G + 6 D,), their covariance, each equation's misfit, squared in sd, and mm."""
-    evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
-    start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
+    fit, shape = tips.fit, tips.offsets_mm.shape
+    start, P = np.concatenate([fit.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
     noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
     alone = _alone(tips, equations, start, P)
     u = start
@@ -194,7 +194,7 @@ def _misfit(
 ) -> tuple[Array, Array]:
     """Values of the K equations less what u gives, (3 K,), and the latter's derivative (3 K, G + 6 D)."""
     n_unknowns = len(u) - int(np.prod(shape))
-    seen = seen_parts(tips.fit.evidence, u[:n_unknowns], u[n_unknowns:].reshape(shape))
+    seen = seen_parts(tips.fit, u[:n_unknowns], u[n_unknowns:].reshape(shape))
     off, rows = [], []
     for equation in equations:
         off.append(equation.value - sum(factor @ seen[part][0] for factor, part in equation.terms))
@@ -216,7 +216,7 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     apart = pads[:, columns] - pads[:, [list(tips.digits).index(THUMB)]]
     distance = np.nan_to_num(np.linalg.norm(apart, axis=-1), nan=np.inf)
     nearest = distance.argmin(1)
-    seen = seen_parts(tips.fit.evidence, tips.fit.evidence.posterior.x, tips.offsets_mm)
+    seen = seen_parts(tips.fit, tips.fit.posterior.x, tips.offsets_mm)
     contacts = []
     for i, finger in enumerate(fingers):
         both = [seen[digit, PAD][1] for digit in (THUMB, finger)]

@@ -19,11 +19,11 @@ from shukotsu.fit.compiled_equations import (
 from shukotsu.fit.kernel import compiled, forward
 from shukotsu.fit.normal_equations import (
     HUBER,
+    FieldDistortion,
     Frames,
     Observations,
     Point,
     Problem,
-    RoomField,
     log_rotation,
     pairs,
 )
@@ -33,7 +33,7 @@ from shukotsu.hand.rotations import Array, exp_rotation, unit
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
 """Sizes of a random hand; each branch has states to itself, unknowns are anybody's."""
 
-FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
+FIELD = FieldDistortion(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
 ALL = UNKNOWNS + 12
 """The room's field has as many unknowns again."""
 

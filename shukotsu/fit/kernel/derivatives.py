@@ -30,8 +30,8 @@ class MeasuredPoses(NamedTuple):
     turned: Array
 
 
-class Prior(NamedTuple):
-    """Priors of states, mean (S,) and precision (B, most s, most s); temper and limit of residuals."""
+class Objective(NamedTuple):
+    """Mean (S,) and tempered precision (B, most s, most s) of states; residuals' temper and Huber's limit."""
 
     mean: Array
     precision: Array
@@ -82,7 +82,7 @@ def residuals(
     reached: ReachedFrames,
     at: BranchPoses,
     seen: MeasuredPoses,
-    prior: Prior,
+    objective: Objective,
     out: ResidualArrays,
 ) -> None:
     """Residuals r of every receiver, zero where not valid, their robust weight, and the cost of each frame.
@@ -95,11 +95,11 @@ def residuals(
         states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
         for i in range(len(states)):
             for j in range(len(states)):
-                precision = prior.precision[b, i, j]
+                precision = objective.precision[b, i, j]
                 if precision != 0.0:
                     for f in range(len(out.cost)):
-                        off = (at.y[states[i], f] - prior.mean[states[i]]) * (
-                            at.y[states[j], f] - prior.mean[states[j]]
+                        off = (at.y[states[i], f] - objective.mean[states[i]]) * (
+                            at.y[states[j], f] - objective.mean[states[j]]
                         )
                         out.cost[f] += precision * off / 2
     for n in range(len(chains.mark)):
@@ -124,9 +124,9 @@ def residuals(
             for i in range(6):
                 square += r[i, f] * r[i, f]
             norm = math.sqrt(square)
-            out.weight[n, f] = min(1.0, prior.huber / max(norm, prior.huber))
-            rho = prior.huber * (norm - prior.huber / 2) if norm > prior.huber else square / 2
-            out.cost[f] += prior.temper * rho
+            out.weight[n, f] = min(1.0, objective.huber / max(norm, objective.huber))
+            rho = objective.huber * (norm - objective.huber / 2) if norm > objective.huber else square / 2
+            out.cost[f] += objective.temper * rho
 
 
 @inner

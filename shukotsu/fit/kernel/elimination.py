@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from shukotsu.arrays import Array
 from shukotsu.fit.kernel.compiled import compiled, fill, inner
-from shukotsu.fit.kernel.derivatives import Prior, ResidualArrays
+from shukotsu.fit.kernel.derivatives import Objective, ResidualArrays
 from shukotsu.fit.kernel.forward import BranchPoses, FlatChains
 
 _SOME_ROOT = 1e-9
@@ -75,7 +75,7 @@ def eliminate(
     chains: FlatChains,
     current: ResidualArrays,
     at: BranchPoses,
-    prior: Prior,
+    objective: Objective,
     damping: Array,
     b: int,
     J_y: Array,
@@ -95,15 +95,15 @@ def eliminate(
         for k in range(6):
             for f in range(n_frames):
                 r[6 * i + k, f] = current.r[first + i, k, f] * math.sqrt(
-                    prior.temper * current.weight[first + i, f]
+                    objective.temper * current.weight[first + i, f]
                 )
     for i in range(n_states):
         for j in range(n_states):
-            precision = prior.precision[b, i, j]
+            precision = objective.precision[b, i, j]
             if precision != 0.0:
                 for f in range(n_frames):
                     A[i, j, f] = precision
-                    B[i, f] += precision * (at.y[states[j], f] - prior.mean[states[j]])
+                    B[i, f] += precision * (at.y[states[j], f] - objective.mean[states[j]])
         for n in range(first, last):
             rows = slice(6 * (n - first), 6 * (n - first) + 6)
             if chains.by_state[n, i]:

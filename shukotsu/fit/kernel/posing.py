@@ -11,7 +11,7 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.fit.kernel.compiled import compiled, copy, copy_matrices, fill, inlined
-from shukotsu.fit.kernel.derivatives import MeasuredPoses, Prior, ResidualArrays, jacobian, residuals
+from shukotsu.fit.kernel.derivatives import MeasuredPoses, Objective, ResidualArrays, jacobian, residuals
 from shukotsu.fit.kernel.elimination import (
     EliminatedStates,
     add_to_root,
@@ -52,7 +52,7 @@ def _step(
     chains: FlatChains,
     amounts: Amounts,
     seen: MeasuredPoses,
-    prior: Prior,
+    objective: Objective,
     damping: Array,
     at: BranchPoses,
     buffers: PosingBuffers,
@@ -65,8 +65,10 @@ def _step(
         n_states = chains.states_from[b + 1] - chains.states_from[b]
         part = EliminatedStates(buffers.inverse[b, :n_states], buffers.by_rest[b], buffers.rhs[b, :n_states])
         J_y = buffers.J_y[:n_states]
-        jacobian(chains, amounts, buffers.reached, at, seen, buffers.current, prior.temper, b, J_y, buffers.J)
-        r = eliminate(chains, buffers.current, at, prior, damping, b, J_y, buffers.J, part)
+        jacobian(
+            chains, amounts, buffers.reached, at, seen, buffers.current, objective.temper, b, J_y, buffers.J
+        )
+        r = eliminate(chains, buffers.current, at, objective, damping, b, J_y, buffers.J, part)
         add_to_root(chains, b, buffers.J, r, part, buffers.H_rr, buffers.H_xr, buffers.g_r)
     solve_root(buffers.H_rr, buffers.g_r, damping, buffers.root_inverse, buffers.root_rhs)
     by_upper(buffers.root_inverse, buffers.root_rhs, buffers.d_root)
@@ -102,12 +104,12 @@ def _evaluate(
     plan: Plan,
     amounts: Amounts,
     seen: MeasuredPoses,
-    prior: Prior,
+    objective: Objective,
     at: BranchPoses,
     buffers: PosingBuffers,
 ) -> None:
     reach(chains, plan, amounts, at, buffers.reached)
-    residuals(chains, buffers.reached, at, seen, prior, buffers.current)
+    residuals(chains, buffers.reached, at, seen, objective, buffers.current)
 
 
 @compiled
@@ -116,7 +118,7 @@ def pose(
     plan: Plan,
     amounts: Amounts,
     seen: MeasuredPoses,
-    prior: Prior,
+    objective: Objective,
     steps: int,
     least_gain: float,
     at: BranchPoses,
@@ -128,12 +130,12 @@ def pose(
     """
     n_going = n = len(buffers.current.cost)
     goes_on, damping, cost = np.ones(n, np.bool_), np.empty(n), np.empty(n)
-    _evaluate(chains, plan, amounts, seen, prior, at, buffers)
+    _evaluate(chains, plan, amounts, seen, objective, at, buffers)
     for f in range(n):
         cost[f], damping[f] = buffers.current.cost[f], _FIRST_DAMPING
     for _ in range(steps):
-        _step(chains, amounts, seen, prior, damping, at, buffers)
-        _evaluate(chains, plan, amounts, seen, prior, buffers.tried, buffers)
+        _step(chains, amounts, seen, objective, damping, at, buffers)
+        _evaluate(chains, plan, amounts, seen, objective, buffers.tried, buffers)
         back = False
         for f in range(n):
             if goes_on[f] and buffers.current.cost[f] <= cost[f]:
@@ -148,4 +150,4 @@ def pose(
         if not n_going:
             break
         if back:
-            _evaluate(chains, plan, amounts, seen, prior, at, buffers)
+            _evaluate(chains, plan, amounts, seen, objective, at, buffers)
