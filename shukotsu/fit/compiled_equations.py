@@ -105,12 +105,14 @@ def _posing_buffers(problem: Problem, n: int) -> posing.PosingBuffers:
     """Buffers in which n frames are posed."""
     b, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
     s = max((len(branch.states) for branch in problem.branches), default=0)
-    shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
     return posing.PosingBuffers(
         forward.BranchPoses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
-        _reached_buffers(problem.branches, n),
-        _residual_buffers(problem, n),
-        *(np.empty((*shape, n)) for shape in shapes),
+        derivatives.Derivatives(np.empty((s, m, n)), np.empty((6, m, n))),
+        elimination.EliminatedStates(np.empty((b, s, s, n)), np.empty((b, 6, s, n)), np.empty((b, s, n))),
+        elimination.RootEquations(np.empty((6, 6, n)), np.empty((0, 6, n)), np.empty((6, n))),
+        root_inverse=np.empty((6, 6, n)),
+        root_rhs=np.empty((6, n)),
+        d_root=np.empty((6, n)),
     )
 
 
@@ -121,9 +123,10 @@ def _chains(problem: Problem) -> forward.FlatChains:
 
 def _amounts(chains: forward.FlatChains, x: Array) -> forward.Amounts:
     """Return the steady part of every operation's amount, and how much of a state each term adds."""
-    slope = chains.coefficient * np.where(chains.unknown >= 0, x[chains.unknown], 1.0)
-    running = np.append(0.0, np.cumsum(np.where(chains.state < 0, slope, 0.0)))
-    return forward.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)
+    terms = chains.terms
+    slope = terms.coefficient * np.where(terms.unknown >= 0, x[terms.unknown], 1.0)
+    running = np.append(0.0, np.cumsum(np.where(terms.state < 0, slope, 0.0)))
+    return forward.Amounts(chains.constant + np.diff(running[terms.start]), slope)
 
 
 def _poses(point: Point) -> forward.BranchPoses:
@@ -163,33 +166,32 @@ def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Re
     return Reached(rotation, position_mm, axis, origin_mm)
 
 
-@dataclass(frozen=True)
-class _Evaluated:
-    """A problem at a point, as the kernel sees it; the last two are kept, as most are asked for again."""
+def _evaluation(problem: Problem, point: Point, *, free_x: bool) -> derivatives.Evaluation:
+    """Lay out a problem at a point for the kernel; nothing is computed yet."""
+    chains, n = _chains(problem), len(point.y)
+    return derivatives.Evaluation(
+        chains,
+        _amounts(chains, point.x),
+        _poses(point),
+        _measured_poses(problem, point.x, free_x=free_x),
+        _objective(problem),
+        _reached_buffers(problem.branches, n),
+        _residual_buffers(problem, n),
+    )
 
-    chains: forward.FlatChains
-    amounts: forward.Amounts
-    at: forward.BranchPoses
-    seen: derivatives.MeasuredPoses
-    objective: derivatives.Objective
-    reached: forward.ReachedFrames
-    current: derivatives.ResidualArrays
 
-    @classmethod
-    @lru_cache(maxsize=2)
-    def of(cls, problem: Problem, point: Point) -> _Evaluated:
-        chains, at, objective, n_frames = _chains(problem), _poses(point), _objective(problem), len(point.y)
-        amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)
-        reached = _reached_buffers(problem.branches, n_frames)
-        residuals_there = _residual_buffers(problem, n_frames)
-        forward.reach(chains, chains.plan, amounts, at, reached)
-        derivatives.residuals(chains, reached, at, seen, objective, residuals_there)
-        return cls(chains, amounts, at, seen, objective, reached, residuals_there)
+@lru_cache(maxsize=2)
+def _evaluated(problem: Problem, point: Point) -> derivatives.Evaluation:
+    """Evaluate a problem at a point; the last two are kept, as most are asked for again."""
+    at = _evaluation(problem, point, free_x=True)
+    forward.reach(at.chains, at.chains.plan, at.amounts, at.at, at.reached)
+    derivatives.residuals(at)
+    return at
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
     """Residuals of every receiver and the cost: half the tempered robust squares, the priors' included."""
-    at = _Evaluated.of(problem, point)
+    at = _evaluated(problem, point)
     parts, operation, mark, receiver = [], 0, 0, 0
     reached = [np.moveaxis(values, -1, 1) for values in at.reached]
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
@@ -222,13 +224,11 @@ class Jacobian(NamedTuple):
 
 def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
     """Every branch's derivatives."""
-    at, out, first = _Evaluated.of(problem, point), [], 0
+    at, out, first = _evaluated(problem, point), [], 0
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
         m, n = 6 * len(receivers), len(point.y)
         J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(problem.unknowns_of(b)), m, n))
-        derivatives.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
-        )
+        derivatives.jacobian(at, b, derivatives.Derivatives(J_y, J))
         rows = slice(first, first + len(receivers))
         r = at.current.r[rows] * np.sqrt(problem.temper * at.current.weight[rows])[:, None]
         by_rest = _first(J.swapaxes(0, 1))
@@ -240,29 +240,28 @@ def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
 
 def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
     """Eliminate states and roots from the normal equations; damping : Marquardt's, over the diagonal."""
-    at, G, n = _Evaluated.of(problem, point), len(point.x), len(point.y)
+    at, G, n = _evaluated(problem, point), len(point.x), len(point.y)
     rows = problem.observations.rows
     matrix = np.diag(problem.precision) + rows.T @ rows
     gradient = problem.precision * point.x + rows.T @ (rows @ point.x - problem.observations.values)
-    H_rr, H_xr, g_r = np.zeros((6, 6, n)), np.zeros((G, 6, n)), np.zeros((6, n))
+    root = elimination.RootEquations(np.zeros((6, 6, n)), np.zeros((G, 6, n)), np.zeros((6, n)))
     dampings = np.full(n, damping)
     eliminated = []
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
         unknowns, s = problem.unknowns_of(b), len(branch.states)
         J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
         part = elimination.EliminatedStates(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
-        derivatives.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
-        )
-        r = elimination.eliminate(at.chains, at.current, at.at, at.objective, dampings, b, J_y, J, part)
-        elimination.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
+        both = derivatives.Derivatives(J_y, J)
+        derivatives.jacobian(at, b, both)
+        r = elimination.eliminate(at, b, both, dampings, part)
+        elimination.add_to_root(at.chains, b, J, r, part, root)
         J_x = J[6:].reshape(len(unknowns), r.size)
         Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
         matrix[np.ix_(unknowns, unknowns)] += J_x @ J_x.T - Z_x @ Z_x.T
         gradient[unknowns] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
         eliminated.append(part)
     inverse, rhs, by_x = np.empty((6, 6, n)), np.empty((6, n)), np.empty((G, 6, n))
-    elimination.reduce_roots(H_rr, H_xr, g_r, dampings, inverse, rhs, by_x)
+    elimination.reduce_roots(root, dampings, inverse, rhs, by_x)
     flat = by_x.reshape(G, 6 * n)
     matrix -= flat @ flat.T
     gradient -= flat @ rhs.ravel()
@@ -284,8 +283,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     """Fit states and roots with x fixed (Levenberg-Marquardt); each frame stops when it gains no more."""
-    chains, amounts, objective = _chains(problem), _amounts(_chains(problem), point.x), _objective(problem)
-    plan = forward.condense(chains, amounts)
+    plan = forward.condense(_chains(problem), _amounts(_chains(problem), point.x))
     y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
     n_blocks = -(-len(y) // BLOCK_FRAMES)
     buffers = dict[int, posing.PosingBuffers]()
@@ -293,9 +291,10 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
         block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
         if len(rows) not in buffers:
             buffers[len(rows)] = _posing_buffers(problem, len(rows))
-        at = _poses(point.take(block))
-        seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
-        posing.pose(chains, plan, amounts, seen, objective, steps, _LEAST_GAIN, at, buffers[len(rows)])
+        frames = problem.frames.take(block)
+        now = _evaluation(replace(problem, frames=frames), point.take(block), free_x=False)
+        posing.pose(now, plan, steps, _LEAST_GAIN, buffers[len(rows)])
+        at = now.at
         y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
     return Point(point.x, y, root, root_mm)
 
@@ -334,24 +333,30 @@ def _flat_chains(
         depth=1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
         rotates=np.array([operation.rotates for operation in operations], bool),
         moves=np.array([any(s >= 0 for *_, s in parts) for parts in terms], bool),
-        amount=np.array([operation.constant for operation in operations], float),
-        terms_from=terms_from,
-        coefficient=coefficient,
-        unknown=unknown.copy(),
-        state=state.copy(),
-        x_column=x_column,
-        y_column=y_column,
-        mark=np.array([first_mark[b] + mark for b, mark, _ in measured], int),
-        receiver=np.array([s for *_, s in measured], int),
-        upstream_from=_from(map(len, upstream)),
-        upstream=np.concatenate([np.zeros(0, int), *upstream]),
-        by_state=_moves_receiver(upstream, terms_from, y_column),
-        by_unknown=by_unknown,
-        receivers_from=_from(map(len, receivers)),
-        states_from=_from(len(branch.states) for branch in branches),
-        states=np.concatenate([branch.states for branch in branches]).astype(int),
-        unknowns_from=_from(len(branch.unknowns) + len(shared) for branch in branches),
-        unknowns=np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
+        constant=np.array([operation.constant for operation in operations], float),
+        terms=forward.Terms(
+            start=terms_from,
+            coefficient=coefficient,
+            unknown=unknown.copy(),
+            state=state.copy(),
+            x_column=x_column,
+            y_column=y_column,
+        ),
+        receivers=forward.Receivers(
+            mark=np.array([first_mark[b] + mark for b, mark, _ in measured], int),
+            number=np.array([s for *_, s in measured], int),
+            start=_from(map(len, upstream)),
+            operation=np.concatenate([np.zeros(0, int), *upstream]),
+            by_state=_moves_receiver(upstream, terms_from, y_column),
+            by_unknown=by_unknown,
+        ),
+        ranges=forward.Ranges(
+            receiver_start=_from(map(len, receivers)),
+            state_start=_from(len(branch.states) for branch in branches),
+            state=np.concatenate([branch.states for branch in branches]).astype(int),
+            unknown_start=_from(len(branch.unknowns) + len(shared) for branch in branches),
+            unknown=np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
+        ),
     )
 
 
