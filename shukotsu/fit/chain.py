@@ -81,11 +81,30 @@ def hand_model(
     scale: tuple[float, float] = (1.0, PRIOR.SCALE_SD),
     anatomy: Mapping[str, DigitAnatomy] = DIGITS,
 ) -> HandModel:
-    """Lay out all chains of a layout.
+    """Lay out all chains of a layout (docs/whole-hand.md, sections 1 to 3).
 
-    receivers : segments as frames hold them; seen : those with valid poses, as skin is not fitted to angles
-    that nothing shows. wrist_mm : (3,) expected in the root's receiver frame. free : joints without anatomy.
-    scale : mean and sd of the hand's size.
+    Parameters
+    ----------
+    layout : Layout
+        Segments, joints and digits.
+    receivers : sequence of str
+        Segments of the receivers, in the order of `Frames`.
+    seen : sequence of str
+        Those with valid poses; skin has no unknowns for angles that no receiver shows.
+    wrist_mm : array, shape (3,)
+        Wrist centre expected in the frame of the root's receiver.
+    free : sequence of FreeJoint
+        Joints without anatomy.
+    scale : tuple of float
+        Mean and sd of the hand's size, relative to the average hand.
+    anatomy : mapping of str to DigitAnatomy
+        Of the average digits.
+
+    Returns
+    -------
+    HandModel
+        Unknowns, states, branches, and the amounts that lengths and receivers' places are.
+
     """
     builder = Builder(layout, scale, frozenset(seen))
     root, digits = root_of(layout), known_digits(layout)
@@ -118,7 +137,7 @@ def hand_model(
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:
-    """A joint of unknown anatomy and everything distal to it."""
+    """Lay out a joint of unknown anatomy and everything beyond it."""
     name = joint.joint.name
     sd = WRIST_SD_MM if at_wrist and joint.far == joint.joint.parent_receiver else REACH_SD_MM
     near = [builder.free(0.0, sd, "near side", f"{name} {n}") for n in "xyz"]

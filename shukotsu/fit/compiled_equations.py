@@ -42,12 +42,23 @@ _KINDS = {
 }
 
 
+class Jacobian(NamedTuple):
+    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
+    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
+    """
+
+    r: Array
+    by_states: Array
+    by_root: Array
+    by_unknowns: Array
+
+
 @dataclass(frozen=True)
 class Steps:
     """Normal equations with all states and roots eliminated, as in `Reduced`, but frames last.
 
-    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F); eliminated, unknowns : of
-    every branch.
+    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F). Of every branch: its states as
+    eliminated, its unknowns, its weighted residuals r (m, F) and their derivatives.
     """
 
     matrix: Array
@@ -57,6 +68,16 @@ class Steps:
     root_rhs: Array
     eliminated: tuple[elimination.EliminatedStates, ...]
     unknowns: tuple[Index, ...]
+    r: tuple[Array, ...]
+    derivatives: tuple[derivatives.Derivatives, ...]
+
+    def jacobians(self) -> list[Jacobian]:
+        """Return every branch's residuals and derivatives with the frames first."""
+        jacobians = []
+        for r, each in zip(self.r, self.derivatives, strict=True):
+            by_states, by_rest = (_first(values.swapaxes(0, 1)) for values in each)
+            jacobians.append(Jacobian(_first(r), by_states, by_rest[..., :6], by_rest[..., 6:]))
+        return jacobians
 
     def frames_first(self) -> Reduced:
         """Return the same with the frames first."""
@@ -157,7 +178,25 @@ def _objective(problem: Problem) -> derivatives.Objective:
 
 
 def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
-    """Go through a branch's chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
+    """Compute where a branch's chain reaches (forward kinematics, docs/whole-hand.md, section 2).
+
+    Parameters
+    ----------
+    branch : Branch
+        The chain.
+    x : array, shape (G,)
+        The hand's unknowns.
+    y : array, shape (F, S)
+        Joint angles, rad.
+    root, root_mm : array, shape (F, 3, 3) and (F, 3)
+        Pose of the hand's frame in the transmitter's.
+
+    Returns
+    -------
+    Reached
+        Poses of its marks, and axis and origin of every operation, in the transmitter's frame.
+
+    """
     chains, n = _flat_chains((branch,), ((),)), len(y)
     reached = _reached_buffers((branch,), n)
     at = forward.BranchPoses(_last(y), _last(root), _last(root_mm))
@@ -190,7 +229,21 @@ def _evaluated(problem: Problem, point: Point) -> derivatives.Evaluation:
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
-    """Residuals of every receiver and the cost: half the tempered robust squares, the priors' included."""
+    """Compute residuals and the objective J (docs/whole-hand.md, sections 4 and 5).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Values of all unknowns.
+
+    Returns
+    -------
+    Residuals
+        By branch and receiver, over their sd, and the cost, each frame's part of it apart.
+
+    """
     at = _evaluated(problem, point)
     parts, operation, mark, receiver = [], 0, 0, 0
     reached = [np.moveaxis(values, -1, 1) for values in at.reached]
@@ -211,66 +264,57 @@ def residuals(problem: Problem, point: Point) -> Residuals:
     return Residuals(tuple(parts), float(cost), at.current.cost)
 
 
-class Jacobian(NamedTuple):
-    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
-    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
-    """
-
-    r: Array
-    by_states: Array
-    by_root: Array
-    by_unknowns: Array
-
-
-def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
-    """Every branch's derivatives."""
-    at, out, first = _evaluated(problem, point), [], 0
-    for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
-        m, n = 6 * len(receivers), len(point.y)
-        J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(problem.unknowns_of(b)), m, n))
-        derivatives.jacobian(at, b, derivatives.Derivatives(J_y, J))
-        rows = slice(first, first + len(receivers))
-        r = at.current.r[rows] * np.sqrt(problem.temper * at.current.weight[rows])[:, None]
-        by_rest = _first(J.swapaxes(0, 1))
-        by_states = _first(J_y.swapaxes(0, 1))
-        out.append(Jacobian(_first(r.reshape(m, n)), by_states, by_rest[..., :6], by_rest[..., 6:]))
-        first = rows.stop
-    return out
-
-
 def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
-    """Eliminate states and roots from the normal equations; damping : Marquardt's, over the diagonal."""
+    """Eliminate states and roots from the normal equations (docs/whole-hand.md, section 6).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Where it is linearised.
+    damping : float
+        Marquardt's: share of the diagonal that is added to it, for states and roots alone.
+
+    Returns
+    -------
+    Steps
+        Matrix (G, G) and gradient (G,) of the hand's unknowns, and what leads back to roots and states.
+
+    """
     at, G, n = _evaluated(problem, point), len(point.x), len(point.y)
     rows = problem.observations.rows
     matrix = np.diag(problem.precision) + rows.T @ rows
     gradient = problem.precision * point.x + rows.T @ (rows @ point.x - problem.observations.values)
     root = elimination.RootEquations(np.zeros((6, 6, n)), np.zeros((G, 6, n)), np.zeros((6, n)))
     dampings = np.full(n, damping)
-    eliminated = []
-    for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
-        unknowns, s = problem.unknowns_of(b), len(branch.states)
-        J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
-        part = elimination.EliminatedStates(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
-        both = derivatives.Derivatives(J_y, J)
-        derivatives.jacobian(at, b, both)
-        r = elimination.eliminate(at, b, both, dampings, part)
-        elimination.add_to_root(at.chains, b, J, r, part, root)
-        J_x = J[6:].reshape(len(unknowns), r.size)
+    eliminated, of_branches, rs = [], [], []
+    unknowns_of = tuple(map(problem.unknowns_of, range(len(problem.branches))))
+    for b, unknowns in enumerate(unknowns_of):
+        s, m, columns = len(problem.branches[b].states), 6 * len(problem.receivers[b]), 6 + len(unknowns)
+        part = elimination.EliminatedStates(np.empty((s, s, n)), np.empty((columns, s, n)), np.empty((s, n)))
+        of_branch = derivatives.Derivatives(np.empty((s, m, n)), np.empty((columns, m, n)))
+        derivatives.jacobian(at, b, of_branch)
+        r = elimination.eliminate(at, b, of_branch, dampings, part)
+        elimination.add_to_root(at.chains, b, of_branch.by_rest, r, part, root)
+        J_x = of_branch.by_rest[6:].reshape(len(unknowns), r.size)
         Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
         matrix[np.ix_(unknowns, unknowns)] += J_x @ J_x.T - Z_x @ Z_x.T
         gradient[unknowns] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
         eliminated.append(part)
+        of_branches.append(of_branch)
+        rs.append(r)
     inverse, rhs, by_x = np.empty((6, 6, n)), np.empty((6, n)), np.empty((G, 6, n))
     elimination.reduce_roots(root, dampings, inverse, rhs, by_x)
     flat = by_x.reshape(G, 6 * n)
     matrix -= flat @ flat.T
     gradient -= flat @ rhs.ravel()
-    own_unknowns = tuple(map(problem.unknowns_of, range(len(problem.branches))))
-    return Steps(matrix, gradient, inverse, by_x, rhs, tuple(eliminated), own_unknowns)
+    parts = tuple(eliminated), unknowns_of, tuple(rs), tuple(of_branches)
+    return Steps(matrix, gradient, inverse, by_x, rhs, *parts)
 
 
 def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> Point:
-    """The point after a step dx and the steps of roots and states that go with it."""
+    """Take a step dx (G,) and the steps of roots and states that follow from it; return the new point."""
     at = _poses(point)
     rhs = steps.root_rhs + np.tensordot(dx, steps.root_by_x, 1)
     d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)
@@ -282,21 +326,34 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
-    """Fit states and roots with x fixed (Levenberg-Marquardt); each frame stops when it gains no more."""
+    """Fit each frame's states and root with x fixed, by Levenberg-Marquardt (section 11).
+
+    Parameters
+    ----------
+    problem : Problem
+        F frames.
+    point : Point
+        Where to start; its x stays.
+    steps : int
+        Most steps; a frame ends earlier when one gains less than a 10,000th of its cost.
+
+    Returns
+    -------
+    Point
+        States (F, S), rad, and roots (F, 3, 3), (F, 3).
+
+    """
     plan = forward.condense(_chains(problem), _amounts(_chains(problem), point.x))
-    y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
-    n_blocks = -(-len(y) // BLOCK_FRAMES)
-    buffers = dict[int, posing.PosingBuffers]()
-    for rows in np.array_split(np.arange(len(y)), max(1, n_blocks)):
+    posed, buffers = [], dict[int, posing.PosingBuffers]()
+    for rows in np.array_split(np.arange(len(point.y)), max(1, -(-len(point.y) // BLOCK_FRAMES))):
         block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        if len(rows) not in buffers:
-            buffers[len(rows)] = _posing_buffers(problem, len(rows))
         frames = problem.frames.take(block)
         now = _evaluation(replace(problem, frames=frames), point.take(block), free_x=False)
+        if len(rows) not in buffers:
+            buffers[len(rows)] = _posing_buffers(problem, len(rows))
         posing.pose(now, plan, steps, _LEAST_GAIN, buffers[len(rows)])
-        at = now.at
-        y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
-    return Point(point.x, y, root, root_mm)
+        posed.append([_first(values) for values in now.at])
+    return Point(point.x, *(np.concatenate(values) for values in zip(*posed, strict=True)))
 
 
 @lru_cache(maxsize=64)

@@ -90,7 +90,7 @@ class Fingertips:
         return self.digits[digit]
 
     def in_transmitter(self, poses: Poses, part: str = BONE) -> Array:
-        """Bone, tip or pad (T, D, 3) of a recording, carried by the distal receivers; NaN where not valid."""
+        """Return bone, tip or pad (T, D, 3), mm, as the distal receivers carry it; NaN where not valid."""
         out = np.full((len(poses.frame), len(self.digits), 3), np.nan)
         for i, tip in enumerate(self.digits.values()):
             column = poses.index(tip.receiver)
@@ -107,7 +107,19 @@ def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 
 def fingertips(fit: HandFit) -> Fingertips:
-    """Fingertips from the fit and population means of the soft parts, before any touch."""
+    """Locate a hand's fingertips by the fit and the population's soft parts, before any touch (section 7).
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+
+    Returns
+    -------
+    Fingertips
+        Ends of bones, soft tips and pads, mm in the distal receivers' frames, with their joint covariance.
+
+    """
     offsets, n_unknowns = _average_offsets_mm(fit), len(fit.posterior.x)
     covariance = np.zeros((n_unknowns + offsets.size,) * 2)
     covariance[:n_unknowns, :n_unknowns] = fit.posterior.covariance
@@ -119,7 +131,25 @@ def fingertips(fit: HandFit) -> Fingertips:
 def fingertips_of(
     fit: HandFit, offsets_mm: Array, covariance: Array, refused: tuple[str, ...] = ()
 ) -> Fingertips:
-    """Compute the fingertips from a fit and the soft parts' offsets, given their joint covariance."""
+    """Locate a hand's fingertips by the fit and given offsets of the soft parts.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    offsets_mm : array, shape (D, 2, 3)
+        Soft tip and pad from the bone's end, in the bone's frame of a right hand.
+    covariance : array, shape (G + 6 D, G + 6 D)
+        Of unknowns and offsets together.
+    refused : tuple of str
+        Touches left out, and why.
+
+    Returns
+    -------
+    Fingertips
+        In the order of the layout's digits.
+
+    """
     seen = seen_parts(fit, fit.posterior.x, offsets_mm)
     digits = {}
     for digit in tipped_digits(fit):
@@ -137,7 +167,23 @@ def tipped_digits(fit: SolvedFit) -> list[Digit]:
 
 
 def seen_parts(fit: SolvedFit, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
-    """Bones' ends, tips and pads (3,) in their receivers' frames, with derivatives (3, G + 6 D)."""
+    """Locate bones' ends, soft tips and pads at the mean posture, with their derivatives.
+
+    Parameters
+    ----------
+    fit : SolvedFit
+        The hand.
+    x : array, shape (G,)
+        Unknowns, which may differ from the fit's.
+    offsets_mm : array, shape (D, 2, 3)
+        Soft tips and pads from the bones' ends.
+
+    Returns
+    -------
+    dict
+        By digit and part: point (3,), mm in the distal receiver's frame, and derivative (3, G + 6 D).
+
+    """
     model = fit.model
     places = places_of(model, fit.posterior.moved_to(x, fit.posterior.covariance))
     seen = {}

@@ -106,10 +106,24 @@ class PosedErrors:
 def posed_errors(
     tips: Fingertips, posed: PosedHand, frames: Frames, reference_deg: Mapping[str, Array] | None = None
 ) -> PosedErrors:
-    """Errors of frames as `pose_hand` posed them, without what the hand's unknowns do to each.
+    """Compute the 1-sigma errors of posed frames (docs/whole-hand.md, section 8).
 
-    frames : that they were posed from. reference_deg : from which angles change; the mean of these frames if
-    none is given.
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand, with the covariance of its unknowns and soft parts.
+    posed : PosedHand
+        F frames as `pose_hand` posed them.
+    frames : Frames
+        The receivers' poses that they were posed from, of which those valid count.
+    reference_deg : mapping of str to array, shape (3, H), optional
+        Maps of the angles from which changes count (`PosedErrors`); those of the mean frame by default.
+
+    Returns
+    -------
+    PosedErrors
+        mm and degrees; `by_hand_deg` stays empty.
+
     """
     chosen, nearest = _postures(posed, frames.valid)
     few = _join_errors(
@@ -161,17 +175,17 @@ def posed_errors(
 
 
 def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
-    """Return the sd of each joint's zero, (3,); of unknown anatomy angles count from none."""
+    """Return the sd (3,) of each joint's zero in degrees; 0 without anatomy, where any zero will do."""
     beside = {joint for digit in known_digits(tips.fit.layout) for joint in digit.joints[:2]}
     joints = tips.fit.layout.joints
     return {joint: NEUTRAL_SD_DEG if joint in beside else np.zeros(3) for joint in joints}
 
 
 def _wander_deg(postures: Postures, joint: str) -> Array:
-    """Errors (F, 3) of a joint that the fit lets turn about one axis alone, as its child has no receiver.
+    """Compute the errors (F, 3), degrees, of a palm joint that the fit lets turn about a single axis.
 
-    An axis varies by some degrees as the joint turns: the further from the mean, the more of flexion is
-    abduction and rotation.
+    Its axis varies by some degrees as it turns: the farther from the mean posture, the more of the flexion
+    is abduction and rotation.
     """
     names, fit = postures.posed.angle_names, postures.tips.fit
     out = np.zeros((len(postures.posed.posed), 3))
@@ -183,18 +197,35 @@ def _wander_deg(postures: Postures, joint: str) -> Array:
 
 
 def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
-    """Square root (H, H) of what differs in another session, in the numbers that root (G, H) takes.
+    """Compute a square root of the covariance that is independent between two sessions of one hand.
 
-    root : of the covariance C of G unknowns; precision : (G,) of their priors. An unknown's error is the pull
-    of the priors, C L C with their precisions L, and what residuals do, the rest of C. For the same hand in
-    another session the pull on what is put on anew is another, and new_share of the residuals' part.
+    The covariance C of the unknowns has two parts: C L C, the pull of priors with precisions L, and the rest,
+    due to residuals. Independent between sessions are the pull on unknowns of how receivers were put on, and
+    a share of the part due to residuals.
+
+    Parameters
+    ----------
+    root : array, shape (G, H)
+        Square root of C.
+    precision : array, shape (G,)
+        Of the unknowns' priors.
+    put_on : array of bool, shape (G,)
+        Unknowns of how receivers were put on.
+    new_share : float
+        Share of the residuals' part that is independent.
+
+    Returns
+    -------
+    array, shape (H, H)
+        In the coordinates of the columns of root.
+
     """
     pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
     return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
 
 
 def _norms(maps: Array) -> Array:
-    """1-sigma errors (...) of numbers given as maps (..., N)."""
+    """Return the 1-sigma errors (...) of scalars whose maps are (..., N)."""
     return np.asarray(np.sqrt(np.einsum("...n,...n->...", maps, maps)))
 
 
@@ -235,7 +266,7 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
 
 
 def _errors(postures: Postures, frames: Frames) -> PosedErrors:
-    """Errors of every frame by a map of its own."""
+    """Compute the errors of every frame by a map of its own."""
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
     neutral_deg = _neutral_sd_deg(postures.tips)
@@ -256,7 +287,7 @@ def _errors(postures: Postures, frames: Frames) -> PosedErrors:
 
 
 def _norm(maps: Array) -> Array:
-    """1-sigma error in 3-D (...) of vectors given as maps (..., 3, N)."""
+    """Return the 1-sigma errors in 3-D (...) of vectors whose maps are (..., 3, N)."""
     return np.asarray(np.sqrt(np.einsum("...in,...in->...", maps, maps)))
 
 
@@ -359,12 +390,12 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
 
 
 def _times(values: Array, matrix: Array) -> Array:
-    """Matrices (F, n, g), all of them at once, times one (g, N)."""
+    """Product of matrices (F, n, g) with one (g, N), as a single matrix product."""
     return (values.reshape(-1, values.shape[-1]) @ matrix).reshape(*values.shape[:-1], matrix.shape[-1])
 
 
 def _by_root(point: Point, arm_mm: Array) -> Array:
-    """Derivative (F, 6, 6) of a frame's place and rotation, that far from the root's, by the root's pose."""
+    """Derivative (F, 6, 6) of a frame's place and rotation by the root's pose, arm_mm (F, 3) away."""
     out = np.zeros((len(arm_mm), 6, 6))
     out[:, :3, :3] = out[:, 3:, 3:] = point.root
     out[:, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm_mm[:, None]).swapaxes(-1, -2)

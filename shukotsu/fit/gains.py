@@ -35,9 +35,19 @@ TOUCH = "touch"
 
 
 def gains(tips: Fingertips) -> list[GainsRow]:
-    """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first.
+    """Compute what every possible measurement would gain (docs/whole-hand.md, section 11).
 
-    Only quantities and joints that receivers measure are considered.
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand, with the covariance of its unknowns and soft parts.
+
+    Returns
+    -------
+    list of GainsRow
+        Rows of table gains for bones' lengths, receivers' places and fingertips' touches, best first; only
+        quantities and joints that receivers measure.
+
     """
     fit = tips.fit
     seen = np.asarray(fit.problem.frames.valid.any(0))[None]
@@ -67,7 +77,7 @@ def gains(tips: Fingertips) -> list[GainsRow]:
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
-    """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
+    """List what could be measured, with which sd, and its rows (K, 3, G + 6 D) in units of that sd."""
     fit = tips.fit
     model = fit.model
     worn = [s for s in model.mount if s in model.receivers]

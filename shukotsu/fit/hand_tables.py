@@ -33,14 +33,17 @@ STEP, SLIDE, FIELD = "step", "slide", "field"
 """Kinds in which a receiver may be displaced."""
 
 _UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
-"""Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
+"""Errors of the hand that anatomy expects: none are stated, as it was fitted to no data."""
 
 
 def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
-    """Rows of joint_centres, of receivers' joints first; weighed : whether the data had a say."""
-    groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
+    """Return rows of joint_centres, joints between receivers first.
+
+    weighed : whether the hand was fitted to data; otherwise no errors are stated.
+    """
+    summary = fit.summary
     rows = []
-    for joint in (joint for group in groups for joint in group.values()):
+    for joint in (summary.joints | summary.lone | summary.palm | summary.fixed).values():
         row = _joint_row(joint)
         if axes := fit.summary.angle_axes.get(joint.name):  # where angles are zero, about what they turn
             rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), axes.rest, "right")
@@ -79,7 +82,7 @@ def _joint_row(joint: FittedJoint) -> JointCentresRow:
 
 
 def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
-    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
+    """Return rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
     rows: list[BoneLengthsRow] = [
         {
             "digit": digit.name,
@@ -101,7 +104,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
 
 
 def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
-    """Rows of receivers; unsteady : what was displaced in the calibration."""
+    """Return rows of receivers; unsteady : what was displaced in the calibration."""
     fit = tips.fit
     rows: list[ReceiversRow] = []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
@@ -184,7 +187,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
 def moved_rows(
     layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]
 ) -> list[MovedReceiversRow]:
-    """Rows of moved_receivers of one recording, one per receiver: start of its first move, sum of all."""
+    """Return rows of moved_receivers, one a receiver: start of its first displacement, sum of all."""
     rows: list[MovedReceiversRow] = []
     for segment in dict.fromkeys(receiver.segment for receiver in moved):
         moves = [receiver for receiver in moved if receiver.segment == segment]
@@ -208,14 +211,14 @@ def moved_rows(
 
 
 def joints_beside(layout: Layout, segment: str) -> list[str]:
-    """Joints whose angles hang on a segment's receiver; those under a bone without one among them."""
+    """Return joints whose angles depend on a segment's receiver, also through bones without a receiver."""
     beside = [joint for joint in layout.joints.values() if segment in (joint.parent_receiver, joint.child)]
     bare = {joint.parent for joint in beside if not layout.segments[joint.parent].measured}
     return [joint.name for joint in layout.joints.values() if joint in beside or joint.child in bare]
 
 
 def digits_carried(layout: Layout, segment: str) -> list[str]:
-    """Digits whose tips, in the hand, hang on a segment's receiver."""
+    """Return digits whose tips, relative to the hand, depend on a segment's receiver."""
     return [digit.name for digit in layout.digits.values() if segment in (digit.tip, digit.base)]
 
 

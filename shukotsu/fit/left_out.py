@@ -1,4 +1,4 @@
-"""Leave out of a calibration where receivers were displaced in it: only what makes centres worse.
+"""Leave out the frames of a calibration in which receivers were displaced, where they make centres worse.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -46,7 +46,24 @@ class Unsteady:
 
 
 def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Displaced) -> list[Poses]:
-    """The recordings, each receiver valid where it sat longest, and where the field was undisturbed."""
+    """Make displaced receivers not valid, so that each is left in the place where it sat longest.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand as fitted to all frames.
+    recordings : sequence of Poses
+        What it was fitted to.
+    displaced : Displaced
+        What was displaced in them.
+
+    Returns
+    -------
+    list of Poses
+        The recordings, with receivers not valid elsewhere, and where a disturbed field harms (unless that
+        were more than half of a receiver's frames).
+
+    """
     recording, valid = recording_of_rows(recordings), concatenate_poses(recordings).valid.copy()
     for segment in {receiver.segment for receiver in displaced.loose}:
         moves = [receiver for receiver in displaced.loose if receiver.segment == segment]
@@ -109,7 +126,7 @@ def _errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance) -> Ar
 
 
 def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
-    """Return how far (T, 6) a receiver sits from its first place in every row of all recordings."""
+    """Return the offset (T, 6) of a receiver from its first place in every row of all recordings."""
     first_row = np.cumsum([0, *(len(poses.frame) for poses in recordings)])
     row = np.arange(first_row[-1])
     way = np.zeros((len(row), 6))

@@ -107,12 +107,24 @@ class Displaced:
 
 
 def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
-    """Find what was displaced in the recordings that a hand was fitted to, in the order in which they were
-    made.
+    """Find what was displaced in the recordings that a hand was fitted to (docs/whole-hand.md, section 11).
 
-    Also one put back elsewhere between two of them, at the first frame of the second. Only receivers on bones
-    of known anatomy are tested: elsewhere skin would be called loose. Where the field is disturbed none is:
-    what it leaves over is not told from it.
+    A receiver that was put back elsewhere between two recordings counts as displaced at the first frame of
+    the second. Only receivers on bones of known anatomy are tested: elsewhere skin motion would be taken for
+    a loose receiver. Where the field is disturbed no receiver is reported, as the two cannot be separated.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    recordings : sequence of Poses
+        What it was fitted to, in the order in which they were made.
+
+    Returns
+    -------
+    Displaced
+        Loose receivers in order of time, or a disturbed field.
+
     """
     poses = concatenate_poses(recordings)
     n_even = min(EVEN_FRAMES, len(poses.frame))
@@ -133,11 +145,23 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
 
 
 def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
-    """Find receivers that sit elsewhere in a recording than where the hand was fitted: all along, or from a
-    frame on.
+    """Find receivers that sit elsewhere in a recording than in the calibration, throughout or from a frame.
 
-    The recording is held against the fitted hand, as uncertain as it is. Where what is left, with them put
-    back, is rather a disturbed field, none is named.
+    The recording is compared with the fitted hand and its covariance. No receiver is reported where, after
+    they are put back, a disturbed field explains the remaining residuals.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand; its posterior is the prior here.
+    poses : Poses
+        Another recording of the same receivers.
+
+    Returns
+    -------
+    list of LooseReceiver
+        In order of time; empty in recordings of less than `MOMENTS` frames.
+
     """
     if len(poses.frame) < MOMENTS:
         return []
@@ -188,10 +212,10 @@ def _loose(
 
 @dataclass(frozen=True)
 class Tested:
-    """Receivers that are tested, and how far (S, 2), mm and rad, each may go with nothing loose.
+    """Receivers that are tested for displacement.
 
-    calibrated : whether the hand is known from other recordings, and a receiver may have sat elsewhere all
-    along.
+    normal : (S, 2) mm and rad by which skin alone may displace each. calibrated : whether the hand is known
+    from other recordings, in which case a receiver may have sat elsewhere throughout this one.
     """
 
     receivers: tuple[int, ...]
@@ -219,7 +243,7 @@ def recording_of_rows(recordings: Sequence[Poses]) -> Index:
 
 
 def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
-    """The problem on these frames, residuals weighed as they scatter: a loose receiver made its own large."""
+    """Pose these frames, with residual sds from their scatter: a loose receiver inflates its fitted one."""
     samples = fit.problem.temper * len(fit.problem.frames.valid)
     temper = min(1.0, samples / len(frames.valid))
     problem = replace(fit.problem, frames=frames, temper=temper)
@@ -245,10 +269,10 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
 def _uncover(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """Return where to begin and what is displaced there, if that is likelier than nothing being displaced.
+    """Return a start with displaced receivers in it, if that is likelier than a start without any.
 
-    skinless : the problem in which it is looked for. Joint angles that jump with a loose receiver let skin in
-    proportion to them make up for it, until no residual is left: a skin that nobody has.
+    skinless : the problem without skin motion. Joint angles jump when a receiver comes loose, so that
+    implausibly large skin motion in proportion to them can absorb the displacement and leave no residual.
     """
     start = pose(skinless, first_guess(skinless, model, np.zeros(len(point.x))), _POSING_STEPS)
     start = solve(skinless, start, _BARE_STEPS, NEARLY).point
@@ -288,7 +312,7 @@ def _cost(refined: tuple[Problem, Point, Sequence[Displacement]]) -> float:
 def _leave_out_explained(
     problem: Problem, tested: Tested, point: Point, displaced: list[Displacement]
 ) -> tuple[list[Displacement], Array]:
-    """Leave out what later ones explain; give also x with all receivers put back."""
+    """Drop displacements that later ones explain; return the others, and x with all receivers put back."""
     for moved in displaced if len(displaced) > 1 else ():
         others = [other for other in displaced if other is not moved]
         corrected, start, refined = _refine(problem, point, tested, others)
@@ -304,34 +328,35 @@ def _refine(
     displaced: Sequence[Displacement],
     rivals: Sequence[Displacement] = (),
 ) -> tuple[Problem, Point, list[Displacement]]:
-    """The problem with these put back, the hand and them, solved for; rivals : judged by the same frames."""
-    refined = list(displaced)
-    for is_last in [False] * _REFINEMENTS + [True]:
+    """Solve for the hand and these displacements by turns; return the corrected problem, point and them.
+
+    rivals : displacements that are compared with these, and therefore by the same frames.
+    """
+    refined, corrected = list(displaced), problem
+    for refinement in range(_REFINEMENTS + 1):
+        if refinement:
+            test = tested.scored(corrected, point, [moved.receiver for moved in refined])
+            refined = [test.refined(moved) for moved in refined]
         frames = _certain(_put_back(problem.frames, refined), [*refined, *rivals])
         corrected = replace(problem, frames=frames)
         if tested.calibrated:
             point = pose(corrected, point, _POSING_STEPS)
         else:
             point = solve(corrected, point, _SOLVING_STEPS, NEARLY).point
-        if not is_last:
-            test = tested.scored(corrected, point, [moved.receiver for moved in refined])
-            refined = [test.refined(moved) for moved in refined]
     return corrected, point, refined
 
 
 def _add_displacement(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
     """The displacements with another one added; a remainder of a known displacement is merged into it."""
     for i, earlier in enumerate(displaced):
-        if (
-            earlier.receiver == new.receiver
-            and max(abs(earlier.start - new.start), abs(earlier.end - new.end)) <= _SAME_MOMENT
-        ):
+        later = max(abs(earlier.start - new.start), abs(earlier.end - new.end))
+        if earlier.receiver == new.receiver and later <= _SAME_MOMENT:
             return [*displaced[:i], replace(earlier, step=earlier.step + new.step), *displaced[i + 1 :]]
     return [*displaced, new]
 
 
 def _put_back(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
-    """The frames as they were measured had the receivers stayed in their places."""
+    """Return the frames as they would have been measured had the receivers stayed in place."""
     rotation, position = frames.rotation.copy(), frames.position_mm.copy()
     for moved in displaced:
         s, step = moved.receiver, moved.share(len(rotation))[:, None] * moved.step
@@ -341,7 +366,7 @@ def _put_back(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
 
 
 def _certain(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
-    """The frames without the displaced receivers where it is not certain whether they had moved yet."""
+    """Make displaced receivers not valid in the few frames in which they may or may not have moved yet."""
     valid = frames.valid.copy()
     for moved in displaced:
         if not moved.slides:
@@ -359,7 +384,7 @@ def _exact_row(
     displaced: Displacement,
     others: Sequence[Displacement],
 ) -> int:
-    """The first row at which a receiver is rather displaced; rows : (F,) the even frames."""
+    """Find the first row from which a displaced receiver is likelier; rows : (F,) of the even frames."""
     first = rows[max(0, displaced.start - _SAME_MOMENT)]
     last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))

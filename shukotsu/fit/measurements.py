@@ -33,7 +33,7 @@ MOUNT_PARTS = ("along", "lateral", "height")
 """Parts of a receiver's place on its bone: x, y, z of the bone."""
 
 _TURNS = 0.1
-"""Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""
+"""Share of the largest singular value below which a direction counts as not determined by the motion."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,26 @@ def measurable(layout: Layout) -> list[str]:
 
 
 def observations(model: HandModel, measurements: Sequence[Measurement]) -> Observations:
-    """Measurements as linear observations of the unknowns; InputError where one names nothing known."""
+    """Express measurements as linear observations H x = z of the unknowns (section 5).
+
+    Parameters
+    ----------
+    model : HandModel
+        The hand, whose lengths and receivers' places are amounts linear in x.
+    measurements : sequence of Measurement
+        In mm, each with its sd.
+
+    Returns
+    -------
+    Observations
+        A row a measurement, in units of its sd.
+
+    Raises
+    ------
+    InputError
+        Where one names neither a bone nor a receiver's place.
+
+    """
     rows, values = [], []
     for measured in measurements:
         amount = _amount(model, measured.quantity)
@@ -72,7 +91,21 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
 
 
 def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
-    """Breadth over skin: the knuckles of index and little finger, and flesh that grows with the hand."""
+    """Observe the hand's breadth: the span of index and little finger's knuckles, and flesh that scales.
+
+    Parameters
+    ----------
+    model : HandModel
+        The hand.
+    breadth_mm : float or None
+        Over skin, across the knuckles.
+
+    Returns
+    -------
+    Observations
+        One row, or none where the breadth was not measured.
+
+    """
     if breadth_mm is None or not model.length:
         return Observations.of([], [], len(model.unknowns.names))
     over_skin = model.scale.times(PRIOR.AVERAGE_BREADTH_MM)
@@ -107,7 +140,25 @@ def _apart(model: HandModel, first: str, second: str) -> Amount:
 
 
 def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
-    """Hinges without anatomy lie near their plane in the child's frame: nothing else says where."""
+    """Hold hinges without anatomy near the layout's plane, as motion leaves open where on its axis one lies.
+
+    Parameters
+    ----------
+    model : HandModel
+        The hand.
+    layout : Layout
+        Planes of the joints.
+    convention : Convention
+        Of the receivers' frames.
+    frames : Frames
+        From which a hinge's distance from its receiver is estimated: the sd grows with it.
+
+    Returns
+    -------
+    Observations
+        A row for each hinge that has a plane.
+
+    """
     rows, values, n_unknowns = [], [], len(model.unknowns.names)
     for name, centre in model.centres_in_child.items():
         joint = layout.joints[name]

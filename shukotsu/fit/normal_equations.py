@@ -30,10 +30,19 @@ _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
 
 @dataclass(frozen=True)
 class FieldDistortion:
-    """The unknowns (12,) of a room's field: a turn about three axes, and how it grows along three more each.
+    """Smooth distortion of a room's field, which turns what is measured by an angle that varies in space.
 
-    centre_mm : (3,) where the turn is that which all have in common; reach_mm : how far from there it grows,
-    which is where receivers were.
+    B(t) of docs/whole-hand.md, section 4.
+
+    Parameters
+    ----------
+    unknowns : array, shape (12,)
+        Indices into x of the turn about three axes, and of its slope along three more for each.
+    centre_mm : array, shape (3,)
+        Middle of the receivers' places, where the slope adds nothing.
+    reach_mm : float
+        Distance from there beyond which the turn grows no more: that of the farthest receiver.
+
     """
 
     unknowns: Index
@@ -42,7 +51,7 @@ class FieldDistortion:
 
     @classmethod
     def among(cls, unknowns: Unknowns, places_mm: Array) -> FieldDistortion:
-        """Add the field's unknowns to a hand's; places_mm : (N, 3) where receivers were."""
+        """Add the field's unknowns to a hand's; places_mm : (N, 3) of receivers, transmitter frame."""
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
         near = places_mm
@@ -68,14 +77,14 @@ class FieldDistortion:
         return np.asarray(PRIOR.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
 
     def turn(self, position_mm: Array, x: Array) -> Array:
-        """Return the field's rotations (..., 3, 3) of what is measured at places (..., 3); x : (G,)."""
+        """Return rotations (..., 3, 3) by which the field turns receivers at places (..., 3)."""
         turn, slopes = np.split(x[self.unknowns], [3])
         return exp_rotation(
             PRIOR.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
         )
 
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
-        """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
+        """Return rotations (..., 3, 3) as they would be measured without the distortion; x : (G,)."""
         return np.asarray(self.turn(position_mm, -x) @ rotation)
 
 
@@ -206,7 +215,7 @@ def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
 
 
 def log_rotation(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
-    """Rotation vectors (..., 3) of rotation matrices, accurate for small ones, fit up to nearly pi."""
+    """Rotation vectors (..., 3), rad, of rotation matrices; accurate for small angles and up to nearly pi."""
     v = axial_vector(rotation) / 2
     sine = np.linalg.norm(v, axis=-1)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
@@ -245,7 +254,23 @@ class Reduced:
 
 
 def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Array:
-    """Derivative (S, G) of the weighted mean of the states over frames, as the unknowns of the hand move."""
+    """Compute how the mean posture moves with the hand's unknowns, by back substitution (section 7).
+
+    Parameters
+    ----------
+    problem : Problem
+        What was solved.
+    reduced : Reduced
+        Its normal equations at the solution, undamped.
+    weights : array, shape (F,)
+        Share of each frame in the mean.
+
+    Returns
+    -------
+    array, shape (S, G)
+        Derivative of the mean states, rad per unit of an unknown.
+
+    """
     G = reduced.matrix.shape[0]
     d_root = -(reduced.root_inverse.swapaxes(-1, -2) @ reduced.root_by_x)
     out = np.zeros((len(problem.state_mean), G))
@@ -258,7 +283,7 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
 
 
 def pairs(branches: Sequence[Branch], names: Sequence[str]) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Per branch the marks that are receivers, with their places in `names`."""
+    """Return of each branch the marks that are receivers, as pairs of mark and index into `names`."""
     numbers = {f"receiver {name}": i for i, name in enumerate(names)}
     return tuple(
         tuple((mark, numbers[name]) for mark, name in enumerate(branch.marks) if name in numbers)

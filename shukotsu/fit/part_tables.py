@@ -89,13 +89,14 @@ def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], 
     """Fit one skeleton and write its rows of every table; fits : see `calibrated_hand`."""
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
+    note = {"note": alone} if alone else {}
     if alone:
         print(f"note: {alone}", file=sys.stderr)
     tips, unsteady = calibrated_hand(plan, part, partner, fits)
     weighed = not plan.models[part.model].is_reference
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
-    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **note)
     tables["gains"].rows(part, gains(tips) if weighed else [])
     tables["length_pulls"].rows(part, pull_rows(tips.fit) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
@@ -173,7 +174,8 @@ def posed_blocks(
         }
         for receiver in moved:
             layout, since = fit.layout, poses.frame >= receiver.start.frame
-            joints, digits = (of(layout, receiver.segment) for of in (joints_beside, digits_carried))
+            joints = joints_beside(layout, receiver.segment)
+            digits = digits_carried(layout, receiver.segment)
             _forget(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
             _forget(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
         _forget_unmeasured(block, fit, poses)
@@ -196,7 +198,7 @@ def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: s
     names = columns[key].unique().to_pylist()
     count = len(columns["frame"]) // max(len(names), 1)
     kept = np.zeros(count, bool)
-    null = np.concatenate([kept[:0], *(gone.get(name, kept) for name in names)])
+    null = np.concatenate([gone.get(name, kept) for name in names]) if names else kept
     for column, values in columns.items():
         if column not in ("time_s", "residual_mm") and getattr(values, "dtype", None) == np.float64:
             columns[column] = np.where(null, np.nan, values)
@@ -267,9 +269,8 @@ def tip_columns(
     ends_sd_mm = np.full((*valid.shape, len(ENDS)), np.nan)
     if errors is not None:
         by_anatomy = [digit.name for digit in known_digits(fit.layout) if digit in digits]
-        ends_sd_mm[:, [[d.name for d in digits].index(digit_name) for digit_name in by_anatomy]] = (
-            errors.tips_mm
-        )
+        names = [digit.name for digit in digits]
+        ends_sd_mm[:, [names.index(name) for name in by_anatomy]] = errors.tips_mm
     left_out_mm = np.full(valid.shape, np.nan)
     left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
     return {

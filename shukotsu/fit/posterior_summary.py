@@ -125,7 +125,7 @@ class AngleAxes:
 
 @dataclass(frozen=True)
 class HandSummary:
-    """Joints, centres and bones of a fitted hand, each with its error.
+    """Joints, centres and axes of a fitted hand, each with its error.
 
     Parameters
     ----------
@@ -137,8 +137,6 @@ class HandSummary:
         Whose child segment carries none.
     fixed : dict of str to FittedJoint
         Centres that do not move (the wrist, where it is no joint).
-    bones : dict of str to FittedBone
-        By segment.
     angle_axes : dict of str to AngleAxes
         Zero and axes of the angles, by joint.
 
@@ -166,10 +164,7 @@ def summarise(fit: SolvedFit) -> HandSummary:
 
     """
     places = places_of(fit.model, fit.posterior)
-    joints: dict[str, FittedJoint] = {}
-    lone: dict[str, FittedJoint] = {}
-    palm: dict[str, FittedJoint] = {}
-    fixed: dict[str, FittedJoint] = {}
+    joints, lone, palm, fixed = (dict[str, FittedJoint]() for _ in range(4))
     for joint in fit.layout.joints.values():
         if receiver(joint.parent_receiver) not in places:
             continue
@@ -300,24 +295,25 @@ def _anatomical_joint(
     by_x = fit.convention.point_matrix(segment) @ seen[1]
     side = 0 if ends[0] else 1
     half = slice(3 * side, 3 * side + 3)
-    covariance, nothing = np.zeros((6, 6)), np.full(3, np.nan)
+    covariance, centres = np.zeros((6, 6)), np.full((2, 3), np.nan)
     covariance[half, half] = by_x @ fit.posterior.covariance @ by_x.T
     covariance[half, half] += unmodelled_mm2(joint, fit) * np.eye(3)
-    centres = [nothing, nothing]
     centres[side] = fit.convention.point(segment, seen[0])
+    no_axis = np.full(3, np.nan)
     return FittedJoint(
-        joint,
-        *ends,
-        0,
-        centres[0],
-        centres[1],
-        covariance,
-        nothing,
-        nothing,
-        np.nan,
-        np.nan,
-        np.nan,
-        {BY_ANATOMY: {}},
+        name=joint,
+        parent_segment=ends[0],
+        child_segment=ends[1],
+        dof=0,
+        parent_mm=centres[0],
+        child_mm=centres[1],
+        covariance_mm2=covariance,
+        axis_parent=no_axis,
+        axis_child=no_axis,
+        axis_sd_deg=np.nan,
+        range_deg=np.nan,
+        gap_rms_mm=np.nan,
+        doubts={BY_ANATOMY: {}},
     )
 
 

@@ -14,7 +14,6 @@ from shukotsu.fit.compiled_equations import (
     reach,
     reduce,
     residuals,
-    weighted_jacobians,
 )
 from shukotsu.fit.kernel import compiled, forward
 from shukotsu.fit.normal_equations import (
@@ -221,7 +220,7 @@ def test_analytic_derivatives_equal_differences(seed: int) -> None:
         slopes(lambda step, d=d: replace(point, y=point.y + step * d)) for d in np.eye(point.y.shape[1])
     ]
     of_unknowns = [slopes(lambda step, d=d: replace(point, x=point.x + step * d)) for d in np.eye(ALL)]
-    for b, jacobian in enumerate(weighted_jacobians(problem, point)):
+    for b, jacobian in enumerate(reduce(problem, point).jacobians()):
         branch, chain = problem.branches[b], len(problem.branches[b].unknowns)
         for by, columns, of_column in (
             (jacobian.by_root, range(6), of_root),
@@ -255,7 +254,7 @@ def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, A
     for f in range(n):
         H[np.ix_(states[f], states[f])] += prior
         g[states[f]] += prior @ (point.y[f] - problem.state_mean)
-        for b, each in enumerate(weighted_jacobians(problem, point)):
+        for b, each in enumerate(reduce(problem, point).jacobians()):
             of_x = unknowns[problem.unknowns_of(b)]
             at = np.concatenate([states[f, problem.branches[b].states], roots[f], of_x])
             J = np.concatenate([each.by_states[f], each.by_root[f], each.by_unknowns[f]], -1)
