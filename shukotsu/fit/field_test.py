@@ -115,10 +115,9 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
     if _is_relative(problem.frames):
         return Disturbance(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
     valid = problem.frames.valid.copy()
-    for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            off = np.linalg.norm(r[i].reshape(-1, 2, 3), axis=-1) * problem.sd[s]
-            valid[:, s] &= (off <= GROSS).all(1)  # otherwise a hemisphere error, or a spike
+    for s, r in problem.residuals_of(residuals(problem, point)):
+        off = np.linalg.norm(r.reshape(-1, 2, 3), axis=-1) * problem.sd[s]
+        valid[:, s] &= (off <= GROSS).all(1)  # otherwise a hemisphere error, or a spike
     frames = replace(problem.frames, valid=valid)
     problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])

@@ -59,7 +59,7 @@ PSEUDO_RESIDUALS = 0.2
 unknowns are what a scale has whose logarithm differs by a half between people."""
 
 LEAST_SAMPLES = 5.0
-_NO_MOTION = 1e-12
+_LEAST_SEEN, _NO_MOTION = 5, 1e-12
 
 PSEUDO_TURNS = 100.0
 """Weight of a receiver's residual in position in that of its rotation, as of so many residuals: both grow
@@ -122,15 +122,12 @@ def independent_samples(problem: Problem, current: Residuals) -> float:
 
     """
     counts = []
-    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            seen = r[i, problem.frames.valid[:, s]]
-            if len(seen) < 5:
-                continue
-            for part in (seen[:, :3], seen[:, 3:]):
-                variance = float(part.var(0).sum())
-                if variance > _NO_MOTION:
-                    counts.append(effective_samples(part, variance, len(part)))
+    for s, r in problem.residuals_of(current):
+        seen = r[problem.frames.valid[:, s]]
+        for part in (seen[:, :3], seen[:, 3:]) if len(seen) >= _LEAST_SEEN else ():
+            variance = float(part.var(0).sum())
+            if variance > _NO_MOTION:
+                counts.append(effective_samples(part, variance, len(part)))
     return max(LEAST_SAMPLES, float(np.percentile(counts, 25))) if counts else LEAST_SAMPLES
 
 
@@ -425,11 +422,10 @@ def _choose_frames(
 def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
     """Return every receiver's root mean square residual, mm and deg per component; NaN if it was not seen."""
     rms = {}
-    for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            seen = r[i, problem.frames.valid[:, s]].reshape(-1, 2, 3)
-            off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
-            rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
+    for s, r in problem.residuals_of(solution.residuals):
+        seen = r[problem.frames.valid[:, s]].reshape(-1, 2, 3)
+        off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
+        rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
     return rms
 
 

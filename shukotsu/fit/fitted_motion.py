@@ -136,10 +136,9 @@ def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, 
     rotation, position = (np.stack(parts, 1) for parts in zip(*bones, strict=True))
     origins = np.stack([fit.convention.world(*marks[receiver(name)])[1] for name in fit.model.receivers], 1)
     total, count = np.zeros(len(current.frame_cost)), np.zeros(len(current.frame_cost))
-    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            if problem.sd[s, 0] < _UNSEEN / 1e3:
-                total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
-                count += problem.frames.valid[:, s]
+    for s, r in problem.residuals_of(current):
+        if problem.sd[s, 0] < _UNSEEN / 1e3:
+            total += (r[:, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
+            count += problem.frames.valid[:, s]
     rms_mm = np.sqrt(total / np.maximum(count, 1))
     return point.y, position, from_matrix(rotation), origins, rms_mm

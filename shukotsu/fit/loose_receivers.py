@@ -256,13 +256,12 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
     """Sd (S, 2) of residuals from their differences, no larger than the problem's own."""
     sd = problem.sd.copy()
     lag = max(1, len(problem.frames.valid) // 30)
-    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            both = problem.frames.valid[lag:, s] & problem.frames.valid[:-lag, s]
-            if both.any():
-                squares = ((r[i, lag:] - r[i, :-lag])[both].reshape(-1, 2, 3) ** 2).sum(-1)
-                scatter = np.sqrt(np.median(squares, axis=0) / _MEDIAN_OF_SQUARES / 2)
-                sd[s] *= np.clip(scatter, 0.3, 1.0)
+    for s, r in problem.residuals_of(current):
+        both = problem.frames.valid[lag:, s] & problem.frames.valid[:-lag, s]
+        if both.any():
+            squares = ((r[lag:] - r[:-lag])[both].reshape(-1, 2, 3) ** 2).sum(-1)
+            scatter = np.sqrt(np.median(squares, axis=0) / _MEDIAN_OF_SQUARES / 2)
+            sd[s] *= np.clip(scatter, 0.3, 1.0)
     return sd
 
 

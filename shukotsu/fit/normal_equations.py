@@ -11,7 +11,7 @@ On paper: docs/whole-hand.md, sections 4 to 6.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -173,6 +173,11 @@ class Problem:
         if self.field is None:
             return self.frames.rotation
         return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
+
+    def residuals_of(self, current: Residuals) -> Iterator[tuple[int, Array]]:
+        """Yield the number of each receiver that is fitted, and its residuals (F, 6)."""
+        for receivers, branch in zip(self.receivers, current.branches, strict=True):
+            yield from ((s, r) for (_, s), r in zip(receivers, branch.r, strict=True))
 
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
         """Square root (s, s) of the precision of those states' priors."""

@@ -203,14 +203,13 @@ def _condition(
     fit, shape = tips.fit, tips.offsets_mm.shape
     start, P = np.concatenate([fit.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
     noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
-    alone = _alone(tips, equations, start, P)
     u = start
+    off, H = first_off, first_H = _misfit(tips, equations, start, shape)
     for _ in range(_ROUNDS):
-        off, H = _misfit(tips, equations, u, shape)
         PH = P @ H.T
         gain = np.linalg.solve(H @ PH + np.diag(noise), PH.T).T
         u = start + gain @ (off - H @ (start - u))
-    off, H = _misfit(tips, equations, u, shape)
+        off, H = _misfit(tips, equations, u, shape)
     after = P - gain @ PH.T
     misfits = []
     for i, equation in enumerate(equations):
@@ -219,22 +218,12 @@ def _condition(
         left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
         pull = np.linalg.solve(left, off[rows])
         among = float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))
-        misfits.append(alone[i] if alone[i][0] > FAR or among[0] < 0.0 else among)
+        # and from the prediction of the fit alone
+        spread = first_H[rows] @ P @ first_H[rows].T + equation.sd_mm**2 * np.eye(3)
+        apart_mm = first_off[rows]
+        alone = float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))
+        misfits.append(alone if alone[0] > FAR or among[0] < 0.0 else among)
     return u, (after + after.T) / 2, misfits
-
-
-def _alone(
-    tips: Fingertips, equations: Sequence[_Equation], start: Array, P: Array
-) -> list[tuple[float, float]]:
-    """Return each equation's distance from the prediction of the fit alone: squared, in sd, and in mm."""
-    off, H = _misfit(tips, equations, start, tips.offsets_mm.shape)
-    misfits = []
-    for i, equation in enumerate(equations):
-        rows = slice(3 * i, 3 * i + 3)
-        spread = H[rows] @ P @ H[rows].T + equation.sd_mm**2 * np.eye(3)
-        apart_mm = off[rows]
-        misfits.append((float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))))
-    return misfits
 
 
 def _misfit(
