@@ -48,13 +48,35 @@ _FINGER_JOINTS = 4
 
 @dataclass(frozen=True)
 class HandModel:
-    """Everything that does not depend on a recording.
+    """Chains of a hand with their unknowns and states: all of the model that does not depend on a recording.
 
-    length, mount : of a bone, and its receiver's place (x, y, z) on it, by segment; axes : joint to its
-    flexion axis in the frame marked `axis_frame`, centres : to the mark at its centre, centres_in_child :
-    without anatomy, to its centre in its child's receiver. knuckles : fingers to their MCP joint's place in
-    the hand's frame, to first order. scale : the hand's size. anatomy : of the average digits, the thumb
-    facing as its receiver does.
+    Parameters
+    ----------
+    unknowns, states
+        Names, groups and priors of x and y.
+    branches : tuple of Branch
+        The hand's receiver, every digit, and joints without anatomy.
+    receivers : tuple of str
+        Segments, in the order of `Frames`.
+    guesses : tuple of FirstGuess
+        How flexions show between two receivers.
+    length : mapping of str to Amount
+        Of every bone, mm, by segment.
+    mount : mapping of str to three Amounts
+        Place of a segment's receiver in its bone's frame, mm.
+    axes : mapping of str to array, shape (3,)
+        Flexion axis of a joint in the frame marked `axis_frame`.
+    centres : mapping of str to str
+        Mark at a joint's centre.
+    centres_in_child : mapping of str to three Amounts
+        Centre of a joint without anatomy in its child's receiver, mm.
+    knuckles : mapping of str to three Amounts
+        Place of a finger's MCP joint in the hand's frame, mm, to first order.
+    scale : Amount
+        Size of the hand.
+    anatomy : mapping of str to DigitAnatomy
+        Of the average digits, the thumb's metacarpal facing as its receiver does.
+
     """
 
     unknowns: Unknowns
@@ -306,14 +328,15 @@ class _DigitChain:
 
 
 class _Joint:
-    """Operations of one joint, which a side branch may repeat with its receiver lagging behind.
+    """Operations of one joint (docs/whole-hand.md, section 2).
 
-    Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
-    axial rotation about its long axis, carried by both; a hinge has these within a few degrees, and its bone
-    may lean sideways at rest. The centre slides as it flexes. Skew axes pass each other: the second, in the
-    parent, carries the first, and the centre is half way between. CMC joints without a receiver pronate as
-    they flex and are held flexed a little; where the layout has them still, they are no joint of the tables,
-    but their motion is not taken for that of another.
+    A side branch may repeat them for a receiver that follows only a part of the motion. Flexion turns about
+    an axis that may be tilted, abduction about the child's dorsal axis, which flexion carries, and axial
+    rotation about its long axis, which both carry; a hinge has the last two within a few degrees, and its
+    bone may lean sideways at rest. The centre slides as the joint flexes. Of two skew axes the second, in the
+    parent, carries the first, and the centre is half way between them. CMC joints without a receiver
+    pronate as they flex and are held slightly flexed; where the layout declares them immobile they are left
+    out of the tables, but their small motion is modelled so that it is not attributed to other joints.
     """
 
     def __init__(
@@ -417,7 +440,7 @@ class _Joint:
         return Term(PRIOR.PLACE_LAG, None, state), Term(PRIOR.PLACE_LAG_SD, self.lags[0], state)
 
     def turn_lag(self) -> tuple[Step, ...]:
-        """Return how much less the receiver turns than its place does, about the joint's axes in the bone."""
+        """Turn the receiver back about the joint's axes, as it turns less than its place moves."""
         if self.lags is None or self.flexion is None or self.others is None:
             return ()
         steps = []

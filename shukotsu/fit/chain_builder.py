@@ -96,7 +96,10 @@ class States:
 
 @dataclass(frozen=True)
 class FirstGuess:
-    """How a flexion shows: child rotation = parent rotation * before * (turn about axis) * after."""
+    """Flexion (state) between two receivers: child rotation = parent rotation * before * flexion * after.
+
+    axis : (3,) of the flexion, between `before` and `after`, which are (3, 3).
+    """
 
     state: int
     parent: str
@@ -159,15 +162,15 @@ class Builder:
         self.knuckles: dict[str, tuple[Amount, Amount, Amount]] = {}
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
-        """An amount of its own, with that mean and sd."""
+        """Return an amount with this mean and an unknown of this sd."""
         return Amount(mean, ((sd, self.unknowns.add(group, name)),))
 
     def place(self, mean: Amount, sd: float, group: str, name: str) -> Amount:
-        """An amount that differs from another by an unknown of that sd."""
+        """Return an amount that differs from another by an unknown of this sd."""
         return mean.plus(self.free(0.0, sd, group, name))
 
     def shared(self, sd: float, group: str, name: str) -> Amount:
-        """An amount with mean 0 and that sd which several parts of the hand have in common."""
+        """Return an amount with mean 0 and this sd that several parts of the hand share."""
         full = f"{name} {group}"
         if full in self.unknowns.names:
             return Amount(0.0, ((sd, self.unknowns.names.index(full)),))
@@ -183,10 +186,28 @@ class Builder:
         *,
         faces_anyhow: bool = False,
     ) -> tuple[Step, ...]:
-        """Place of a receiver on its bone, sliding and tilting with the drives.
+        """Lay out a receiver on its bone, which skin moves with joint angles (docs/whole-hand.md, section 3).
 
-        kind : of the bone; None for the palm. People have a habit for nails and one for other bones. lag : by
-        how much less it turns than its place does. faces_anyhow : its roll about the bone is unconstrained.
+        Parameters
+        ----------
+        segment : str
+            Of the receiver.
+        position : sequence of three Amounts
+            Expected place in the bone's frame, mm.
+        drives : sequence of Drive
+            Joint angles that move its skin.
+        kind : str, optional
+            Of the bone; None for the palm. Nails share one habit of placement, other bones another.
+        lag : sequence of Step
+            Turn of the receiver against that of its place.
+        faces_anyhow : bool
+            Whether its roll about the bone is unconstrained.
+
+        Returns
+        -------
+        tuple of Step
+            From the bone's frame to the mark of the receiver.
+
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
         sds_mm = PRIOR.MOUNT_SD_MM

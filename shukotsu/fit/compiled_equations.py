@@ -205,27 +205,23 @@ def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Re
     return Reached(rotation, position_mm, axis, origin_mm)
 
 
-def _evaluation(problem: Problem, point: Point, *, free_x: bool) -> derivatives.Evaluation:
-    """Lay out a problem at a point for the kernel; nothing is computed yet."""
-    chains, n = _chains(problem), len(point.y)
-    return derivatives.Evaluation(
-        chains,
-        _amounts(chains, point.x),
-        _poses(point),
-        _measured_poses(problem, point.x, free_x=free_x),
-        _objective(problem),
-        _reached_buffers(problem.branches, n),
-        _residual_buffers(problem, n),
-    )
-
-
 @lru_cache(maxsize=2)
 def _evaluated(problem: Problem, point: Point) -> derivatives.Evaluation:
     """Evaluate a problem at a point; the last two are kept, as most are asked for again."""
-    at = _evaluation(problem, point, free_x=True)
-    forward.reach(at.chains, at.chains.plan, at.amounts, at.at, at.reached)
-    derivatives.residuals(at)
-    return at
+    chains = _chains(problem)
+    evaluation = derivatives.Evaluation(
+        chains,
+        _amounts(chains, point.x),
+        _poses(point),
+        _measured_poses(problem, point.x, free_x=True),
+        _objective(problem),
+        _reached_buffers(problem.branches, len(point.y)),
+        _residual_buffers(problem, len(point.y)),
+    )
+    chains, amounts, at, _, _, reached, _ = evaluation
+    forward.reach(chains, chains.plan, amounts, at, reached)
+    derivatives.residuals(evaluation)
+    return evaluation
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
@@ -343,17 +339,21 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
         States (F, S), rad, and roots (F, 3, 3), (F, 3).
 
     """
-    plan = forward.condense(_chains(problem), _amounts(_chains(problem), point.x))
-    posed, buffers = [], dict[int, posing.PosingBuffers]()
+    chains, objective, x = _chains(problem), _objective(problem), point.x
+    amounts = _amounts(chains, x)
+    plan, posed, buffers = forward.condense(chains, amounts), [], {}
     for rows in np.array_split(np.arange(len(point.y)), max(1, -(-len(point.y) // BLOCK_FRAMES))):
-        block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        frames = problem.frames.take(block)
-        now = _evaluation(replace(problem, frames=frames), point.take(block), free_x=False)
-        if len(rows) not in buffers:
-            buffers[len(rows)] = _posing_buffers(problem, len(rows))
-        posing.pose(now, plan, steps, _LEAST_GAIN, buffers[len(rows)])
-        posed.append([_first(values) for values in now.at])
-    return Point(point.x, *(np.concatenate(values) for values in zip(*posed, strict=True)))
+        n, block = len(rows), slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
+        if n not in buffers:
+            reached, current = _reached_buffers(problem.branches, n), _residual_buffers(problem, n)
+            buffers[n] = reached, current, _posing_buffers(problem, n)
+        reached, current, of_block = buffers[n]
+        seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), x, free_x=False)
+        at = _poses(point.take(block))
+        now = derivatives.Evaluation(chains, amounts, at, seen, objective, reached, current)
+        posing.pose(now, plan, steps, _LEAST_GAIN, of_block)
+        posed.append([_first(values) for values in at])
+    return Point(x, *(np.concatenate(values) for values in zip(*posed, strict=True)))
 
 
 @lru_cache(maxsize=64)
