@@ -50,7 +50,7 @@ def one_person(seed: int) -> list[dict[str, Any]]:
         for session, task in RECORDED:
             poses = simulate("01", hand, task, seed, Realism(), N_FRAMES, session=session).poses()
             fit = fit_hand([poses], read_layout(LAYOUT), hand)
-            pulls += [(row["bone"], hand, f"{session} {task}", row) for row in pull_rows(fit.evidence)]
+            pulls += [(row["bone"], hand, f"{session} {task}", row) for row in pull_rows(fit)]
     rows = []
     by_bone = sorted(pulls, key=lambda pull: pull[:3])
     for bone, of_bone in groupby(by_bone, key=lambda pull: pull[0]):

@@ -149,7 +149,7 @@ def hand_table(rounds: int) -> PrintedTable:
     layout = read_layout(LAYOUT)
     tips = fingertips(fit_hand([calibration], layout, "right"))
     fit, posed = tips.fit, pose_hand(tips.fit, task)
-    frames_of_task, single = fit.evidence.convention.frames(task), task.take(slice(0, 1))
+    frames_of_task, single = fit.convention.frames(task), task.take(slice(0, 1))
     work: dict[str, tuple[int, Callable[[], object]]] = {
         "fit of a calibration": (0, lambda: fit_hand([calibration], layout, "right")),
         "what was displaced in it": (0, lambda: displaced_in(fit, [calibration])),

@@ -25,7 +25,7 @@ from benchmarks.two_drawings import (
 from shukotsu.arrays import Array
 from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.hand import drawn_hands, rotations
-from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, DigitAnatomy, prior
+from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.drawn_hands import drawn
 from shukotsu.simulate.forward import bone_poses
 from shukotsu.simulate.mounts import Mounts, Skin, lag_signal, wander
@@ -295,7 +295,7 @@ def fit_without(source: str, person: Drawn) -> HandFit:
     digits = prior_without(source)
     with ExitStack() as stack:
         stack.enter_context(mock.patch.dict(DIGITS, digits))
-        stack.enter_context(mock.patch.dict(vars(prior), CONSTANTS_WITHOUT.get(source, {})))
+        stack.enter_context(mock.patch.dict(vars(PRIOR), CONSTANTS_WITHOUT.get(source, {})))
         return fit_hand([person.poses], read_layout(LAYOUT), person.hand)
 
 

@@ -53,25 +53,22 @@ def each_hand(arguments: argparse.Namespace) -> list[argparse.Namespace]:
 
 def fit(arguments: argparse.Namespace) -> None:
     """Fit every part of the hands and write their dimensions and their motion."""
-    fits: Fits = {}
-    for of_hand in each_hand(arguments):
-        _fit(of_hand, fits)
-
-
-def _fit(arguments: argparse.Namespace, fits: Fits) -> None:
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_fit
     from shukotsu.tables.typed_table import Provenance
 
-    with held_kernel(alone=False):
-        plan = fitted_plan(subject_stage.plan_of(arguments), arguments.hand, arguments.model)
-    files = subject_stage.poses_files(plan)
-    files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
-    with subject_stage.writing(arguments, WRITES, Provenance.of(files, plan.folder)) as tables:
-        for part in parts_of(plan, arguments.hand, arguments.model):
-            recorded = fitted_tables(plan, part, tables)
-            with subject_stage.recording_failure(arguments, part, *recorded):
-                write_fit(plan, part, tables, fits)
+    fits: Fits = {}
+    for of_hand in each_hand(arguments):
+        with held_kernel(alone=False):
+            plan = fitted_plan(subject_stage.plan_of(of_hand), of_hand.hand, of_hand.model)
+        files = subject_stage.poses_files(plan)
+        if not plan.is_study:  # sheets of a study hold other subjects' rows as well
+            files += plan.sheets.values()
+        with subject_stage.writing(of_hand, WRITES, Provenance.of(files, plan.folder)) as tables:
+            for part in parts_of(plan, of_hand.hand, of_hand.model):
+                recorded = fitted_tables(plan, part, tables)
+                with subject_stage.recording_failure(of_hand, part, *recorded):
+                    write_fit(plan, part, tables, fits)
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand.average_hand import DIGITS, DigitAnatomy, prior
+from shukotsu.hand.average_hand import DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, cross_matrix
 from shukotsu.hand.sampled_motion import receiver_axes
@@ -158,5 +158,5 @@ def _hand_mount_mm(layout: Layout) -> Array:
 
 def _share_root(body: ExpectedBody, index: int, end: int) -> None:
     """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
-    body.gain[index, end, :, 1:4] = ROOM * np.diag(prior.HAND_MOUNT_SD_MM)
-    body.gain[index, end, :, 4:7] = ROOM * prior.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[index, end])
+    body.gain[index, end, :, 1:4] = ROOM * np.diag(PRIOR.HAND_MOUNT_SD_MM)
+    body.gain[index, end, :, 4:7] = ROOM * PRIOR.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[index, end])

@@ -49,39 +49,49 @@ Fits = dict[tuple[str, ...], Calibrated]
 def calibrated_hand(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = (), fits: Fits | None = None
 ) -> tuple[Fingertips, Unsteady]:
-    """A part's fitted hand with its fingertips, jointly with the other hand where lengths are shared.
+    """Fit a part's hand, condition it on the other hand's bone lengths, on touches and on contacts.
 
-    fits : of this person; missing ones are computed and added.
+    Parameters
+    ----------
+    plan : SubjectPlan
+        What the study knows of the person.
+    part : Part
+        Hand, model, and the task left out.
+    other_poses : sequence of Path
+        Recordings that calibrate the other hand; empty where no lengths are shared.
+    fits : dict
+        Hands of this person that are fitted already; missing ones are added.
+
+    Returns
+    -------
+    Fingertips
+        The hand with its fingertips.
+    Unsteady
+        Receivers displaced in the calibration.
+
+    Raises
+    ------
+    InputError
+        As `fit_calibration` does.
+
     """
-    fits = {} if fits is None else fits
-
-    def fit_once(hand: str, poses: Sequence[Path]) -> Calibrated:
-        key = plan.layouts[part.hand].name, part.model, hand, *map(str, poses)
-        if key not in fits:
-            fits[key] = fit_calibration(plan, part, hand, poses)
-        return fits[key]
-
+    fits, fitting = {} if fits is None else fits, _fitting(plan, part)
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
-    fit, recordings, unsteady = fit_once(part.hand, poses)
-    if other_poses and _fitting(plan, part).share_lengths:
+    fit, recordings, unsteady = fit_calibration(plan, part, part.hand, poses, fits)
+    if other_poses and fitting.share_lengths:
         other_hand = "left" if part.hand == "right" else "right"
         try:
-            other = fit_once(other_hand, other_poses)[0]
-            fit = share_lengths(fit, other)[0]
+            fit = share_lengths(fit, fit_calibration(plan, part, other_hand, other_poses, fits)[0])[0]
         except TableError:
             raise
         except InputError as error:
             print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
-    tips, fitting = fingertips(fit), _fitting(plan, part)
+    tips = fingertips(fit)
     if not fitting.steps:
         return tips, unsteady
     tips = with_touches(tips, _touches(plan, part.hand, recordings, tips))
-    contacts = [  # in opposition
-        contact
-        for name, recorded in recordings.items()
-        if name.task in fitting.contacts
-        for contact in find_contacts(tips, recorded)
-    ]
+    opposition = [poses for name, poses in recordings.items() if name.task in fitting.contacts]
+    contacts = [contact for poses in opposition for contact in find_contacts(tips, poses)]
     return with_touches(tips, contacts), unsteady
 
 
@@ -121,13 +131,39 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
     return fitting
 
 
-def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibrated:
+def fit_calibration(
+    plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path], fits: Fits
+) -> Calibrated:
     """Fit one of the person's hands to its calibration, as thinned, and to what a calliper measured on it.
 
-    Frames in which a receiver was displaced are left out where they make centres worse. Raises InputError
-    where no recording can be read or the sheet names something that is absent, and as `fit_hand` does.
+    Frames in which a receiver was displaced are left out where they make centres worse.
+
+    Parameters
+    ----------
+    plan, part
+        As in `calibrated_hand`.
+    hand : str
+        right or left: the part's hand, or the other one.
+    poses : sequence of Path
+        Recordings that calibrate it.
+    fits : dict
+        Hands that are fitted already; this one is added.
+
+    Returns
+    -------
+    Calibrated
+        The hand, the recordings that it was fitted to, and what was displaced in them.
+
+    Raises
+    ------
+    InputError
+        Where no recording can be read or the sheet names something that is absent, and as `fit_hand` does.
+
     """
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
+    key = layout.name, part.model, hand, *map(str, poses)
+    if key in fits:
+        return fits[key]
     usable, reasons = usable_poses(poses)
     if not usable:
         raise InputError(f"no calibration recording: {join_reasons(reasons) or 'the study names none'}")
@@ -157,7 +193,8 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
                 left_out = share_left_out(recordings, kept)
                 fit, recordings = without, kept
     by_name = dict(zip(names, recordings, strict=True))
-    return fit, by_name, Unsteady(names, displaced, errors, left_out)
+    fits[key] = fit, by_name, Unsteady(names, displaced, errors, left_out)
+    return fits[key]
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
@@ -213,5 +250,9 @@ def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) 
 
 def _place(plan: SubjectPlan, sheet: str, row: Row, column: str = "") -> str:
     """File, row and column of a sheet, as a message begins; a study's plan does not know rows by number."""
-    cell = [f"row {row.line}" if row.line else "", f"column {column}" if column else ""]
-    return ": ".join(filter(None, [str(plan.sheets.get(sheet, sheet)), ", ".join(filter(None, cell))]))
+    place = str(plan.sheets.get(sheet, sheet))
+    if row.line:
+        place += f": row {row.line}"
+    if column:
+        place += f"{', ' if row.line else ': '}column {column}"
+    return place

@@ -32,7 +32,7 @@ from shukotsu.fit.chain_builder import (
 from shukotsu.fit.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
 from shukotsu.fit.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
 from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
-from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, DigitAnatomy, prior
+from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Digit, Layout
@@ -48,13 +48,35 @@ _FINGER_JOINTS = 4
 
 @dataclass(frozen=True)
 class HandModel:
-    """Everything that does not depend on a recording.
+    """Chains of a hand with their unknowns and states: all of the model that does not depend on a recording.
 
-    length, mount : of a bone, and its receiver's place (x, y, z) on it, by segment; axes : joint to its
-    flexion axis in the frame marked `axis_frame`, centres : to the mark at its centre, centres_in_child :
-    without anatomy, to its centre in its child's receiver. knuckles : fingers to their MCP joint's place in
-    the hand's frame, to first order. scale : the hand's size. anatomy : of the average digits, the thumb
-    facing as its receiver does.
+    Parameters
+    ----------
+    unknowns, states
+        Names, groups and priors of x and y.
+    branches : tuple of Branch
+        The hand's receiver, every digit, and joints without anatomy.
+    receivers : tuple of str
+        Segments, in the order of `Frames`.
+    guesses : tuple of FirstGuess
+        How flexions show between two receivers.
+    length : mapping of str to Amount
+        Of every bone, mm, by segment.
+    mount : mapping of str to three Amounts
+        Place of a segment's receiver in its bone's frame, mm.
+    axes : mapping of str to array, shape (3,)
+        Flexion axis of a joint in the frame marked `axis_frame`.
+    centres : mapping of str to str
+        Mark at a joint's centre.
+    centres_in_child : mapping of str to three Amounts
+        Centre of a joint without anatomy in its child's receiver, mm.
+    knuckles : mapping of str to three Amounts
+        Place of a finger's MCP joint in the hand's frame, mm, to first order.
+    scale : Amount
+        Size of the hand.
+    anatomy : mapping of str to DigitAnatomy
+        Of the average digits, the thumb's metacarpal facing as its receiver does.
+
     """
 
     unknowns: Unknowns
@@ -78,14 +100,33 @@ def hand_model(
     seen: Sequence[str],
     wrist_mm: Array,
     free: Sequence[FreeJoint] = (),
-    scale: tuple[float, float] = (1.0, prior.SCALE_SD),
+    scale: tuple[float, float] = (1.0, PRIOR.SCALE_SD),
     anatomy: Mapping[str, DigitAnatomy] = DIGITS,
 ) -> HandModel:
-    """Lay out all chains of a layout.
+    """Lay out all chains of a layout (docs/whole-hand.md, sections 1 to 3).
 
-    receivers : segments as frames hold them; seen : those with valid poses, as skin is not fitted to angles
-    that nothing shows. wrist_mm : (3,) expected in the root's receiver frame. free : joints without anatomy.
-    scale : mean and sd of the hand's size.
+    Parameters
+    ----------
+    layout : Layout
+        Segments, joints and digits.
+    receivers : sequence of str
+        Segments of the receivers, in the order of `Frames`.
+    seen : sequence of str
+        Those with valid poses; skin has no unknowns for angles that no receiver shows.
+    wrist_mm : array, shape (3,)
+        Wrist centre expected in the frame of the root's receiver.
+    free : sequence of FreeJoint
+        Joints without anatomy.
+    scale : tuple of float
+        Mean and sd of the hand's size, relative to the average hand.
+    anatomy : mapping of str to DigitAnatomy
+        Of the average digits.
+
+    Returns
+    -------
+    HandModel
+        Unknowns, states, branches, and the amounts that lengths and receivers' places are.
+
     """
     builder = Builder(layout, scale, frozenset(seen))
     root, digits = root_of(layout), known_digits(layout)
@@ -98,7 +139,7 @@ def hand_model(
         *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
         if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
             places = states.names.index(dip), states.names.index(pip)
-            states.follow(*places, prior.DIP_PER_PIP, prior.DIP_BY_PIP_SD_DEG)
+            states.follow(*places, PRIOR.DIP_PER_PIP, PRIOR.DIP_BY_PIP_SD_DEG)
     branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
     return HandModel(
         builder.unknowns,
@@ -118,7 +159,7 @@ def hand_model(
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:
-    """A joint of unknown anatomy and everything distal to it."""
+    """Lay out a joint of unknown anatomy and everything beyond it."""
     name = joint.joint.name
     sd = WRIST_SD_MM if at_wrist and joint.far == joint.joint.parent_receiver else REACH_SD_MM
     near = [builder.free(0.0, sd, "near side", f"{name} {n}") for n in "xyz"]
@@ -174,16 +215,16 @@ class _DigitChain:
     def steps(self) -> list[Step]:
         """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
         builder, name = self.builder, self.digit.name
-        base_sd_mm = prior.THUMB_BASE_SD_MM if name == "thumb" else prior.BASE_SD_MM
+        base_sd_mm = PRIOR.THUMB_BASE_SD_MM if name == "thumb" else PRIOR.BASE_SD_MM
         base = [
             builder.place(builder.scale.times(at_mm), base_sd_mm, "base", f"{name} {letter}")
             for at_mm, letter in zip(self.anatomy.base_mm, "xyz", strict=True)
         ]
-        roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD
-        sds = zip((roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True)
+        roll_sd = PRIOR.THUMB_ROLL_SD_RAD if name == "thumb" else PRIOR.ROLL_SD_RAD
+        sds = zip((roll_sd, *(PRIOR.DIRECTION_SD_RAD,) * 2), "xyz", strict=True)
         turns = [builder.free(0.0, sd, "direction", f"{name} {letter}") for sd, letter in sds]
         if name != "thumb":
-            broader = builder.shared(prior.PALM_BREADTH_SD, "breadth", "palm")
+            broader = builder.shared(PRIOR.PALM_BREADTH_SD, "breadth", "palm")
             base[1] = base[1].plus(broader.times(float(self.anatomy.base_mm[1])))
             turns[2] = turns[2].plus(broader.times(float(self.anatomy.directions[0, 1])))
             builder.knuckles[name] = self._knuckle(base, turns)
@@ -219,9 +260,9 @@ class _DigitChain:
         for k, joint in enumerate(self.digit.joints):
             moves = bool(self.builder.layout.joints[joint].dof)
             if self.measured[k] and moves:
-                mean_and_sd = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
+                mean_and_sd = PRIOR.PHALANX_DEG if k else PRIOR.METACARPAL_DEG
             elif not self.measured[k]:
-                mean_and_sd = prior.PALM_DEG if moves else prior.STILL_PALM_DEG
+                mean_and_sd = PRIOR.PALM_DEG if moves else PRIOR.STILL_PALM_DEG
             else:
                 continue
             flexions[joint] = self.builder.states.add(joint, KINDS[0], *mean_and_sd)
@@ -251,26 +292,26 @@ class _DigitChain:
     def _length(self, k: int) -> Amount:
         """Length of bone k: average times the hand's scale, plus its own part and the source's."""
         kind, builder = self._kind(k), self.builder
-        own_sd_mm = prior.LENGTH_SD_MM[kind]
+        own_sd_mm = PRIOR.LENGTH_SD_MM[kind]
         if k == 0 and self.anatomy.second_axis is not None:
-            own_sd_mm = prior.THUMB_METACARPAL_SD_MM
+            own_sd_mm = PRIOR.THUMB_METACARPAL_SD_MM
         length = builder.scale.times(float(self.anatomy.lengths_mm[k]))
         length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
-        return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
+        return length.plus(builder.shared(PRIOR.SOURCE_SD_MM[kind], "source", kind))
 
     def _unmodelled_mm(self, k: int) -> float:
         """Sd of the part of a bone's length, as sources define it, that the chain does not model."""
         part = "phalanx" if k else "thumb_metacarpal" if self.digit.name == "thumb" else "metacarpal"
-        return prior.UNMODELLED_LENGTH_MM[part]
+        return PRIOR.UNMODELLED_LENGTH_MM[part]
 
     def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
         """The receiver of bone k: at mid-bone, driven by the joints beside it."""
         is_last = k == len(self.digit.segments) - 1
-        share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
+        share, height_mm = PRIOR.NAIL_SHARE if is_last else PRIOR.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
-            Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
+            Drive(self.flexions[joint], PRIOR.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
             for joint, segment in ends
             if joint in self.flexions and segment in self.builder.seen
         ]
@@ -287,14 +328,15 @@ class _DigitChain:
 
 
 class _Joint:
-    """Operations of one joint, which a side branch may repeat with its receiver lagging behind.
+    """Operations of one joint (docs/whole-hand.md, section 2).
 
-    Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
-    axial rotation about its long axis, carried by both; a hinge has these within a few degrees, and its bone
-    may lean sideways at rest. The centre slides as it flexes. Skew axes pass each other: the second, in the
-    parent, carries the first, and the centre is half way between. CMC joints without a receiver pronate as
-    they flex and are held flexed a little; where the layout has them still, they are no joint of the tables,
-    but their motion is not taken for that of another.
+    A side branch may repeat them for a receiver that follows only a part of the motion. Flexion turns about
+    an axis that may be tilted, abduction about the child's dorsal axis, which flexion carries, and axial
+    rotation about its long axis, which both carry; a hinge has the last two within a few degrees, and its
+    bone may lean sideways at rest. The centre slides as the joint flexes. Of two skew axes the second, in the
+    parent, carries the first, and the centre is half way between them. CMC joints without a receiver
+    pronate as they flex and are held slightly flexed; where the layout declares them immobile they are left
+    out of the tables, but their small motion is modelled so that it is not attributed to other joints.
     """
 
     def __init__(
@@ -320,25 +362,25 @@ class _Joint:
         declared, free = builder.layout.joints[joint], builder.free
         self.moves = bool(declared.dof)
         builder.axes[joint] = axis
-        sd = prior.AXIS_SD_RAD if second is None else prior.SKEW_AXIS_SD_RAD
+        sd = PRIOR.AXIS_SD_RAD if second is None else PRIOR.SKEW_AXIS_SD_RAD
         self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
         if not builder.layout.segments[declared.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
             if self.moves:
-                self.bent = free(0.0, prior.PALM_HELD_SD_RAD, "palm held", joint)
+                self.bent = free(0.0, PRIOR.PALM_HELD_SD_RAD, "palm held", joint)
             return
         abduction, axial = (
-            (prior.HINGE_DEG,) * 2 if declared.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
+            (PRIOR.HINGE_DEG,) * 2 if declared.dof == 1 else (PRIOR.ABDUCTION_DEG, PRIOR.AXIAL_DEG)
         )
         self.others = (
             builder.states.add(joint, KINDS[1], *abduction),
             builder.states.add(joint, KINDS[2], *axial),
         )
         if declared.dof == 1:
-            self.lean = free(0.0, prior.LEAN_SD_RAD, "lean", joint)
+            self.lean = free(0.0, PRIOR.LEAN_SD_RAD, "lean", joint)
         else:
             self.abducts = self.others[0]
-        self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if declared.dof == 1 else prior.JOINT_SLIDE_SD_MM
+        self.slide_sd_mm = PRIOR.HINGE_SLIDE_SD_MM if declared.dof == 1 else PRIOR.JOINT_SLIDE_SD_MM
         self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
         if second is not None:
@@ -346,12 +388,12 @@ class _Joint:
 
     def _make_skew(self, builder: Builder, second: Array) -> None:
         across = unit(second - (second @ self.axis) * self.axis)
-        skew = np.radians(prior.SKEW_DEG)
+        skew = np.radians(PRIOR.SKEW_DEG)
         self.second = np.cos(skew) * self.axis + np.sin(skew) * across
         self.skew_axis = unit(np.cross(self.axis, self.second))
-        self.skew = builder.free(prior.SKEW_MM, prior.SKEW_SD_MM, "skew", self.name)
+        self.skew = builder.free(PRIOR.SKEW_MM, PRIOR.SKEW_SD_MM, "skew", self.name)
         self.second_tilts = [
-            builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
+            builder.free(0.0, PRIOR.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
         self.lags = (
             builder.unknowns.add("place lag", self.name),
@@ -375,8 +417,8 @@ class _Joint:
         flex = tilt_steps(across_of(self.axis), self.tilts, [*mark, *held, turn])
         if self.ratio is not None:
             pronation = (
-                Term(prior.PRO_SUPINATION, None, self.flexion),
-                Term(prior.PRO_SUPINATION_SD, self.ratio, self.flexion),
+                Term(PRIOR.PRO_SUPINATION, None, self.flexion),
+                Term(PRIOR.PRO_SUPINATION_SD, self.ratio, self.flexion),
             )
             flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
         if self.others is None:
@@ -395,15 +437,15 @@ class _Joint:
         """Share of a joint angle that the receiver's place does not follow."""
         if not lagging or self.lags is None:
             return ()
-        return Term(prior.PLACE_LAG, None, state), Term(prior.PLACE_LAG_SD, self.lags[0], state)
+        return Term(PRIOR.PLACE_LAG, None, state), Term(PRIOR.PLACE_LAG_SD, self.lags[0], state)
 
     def turn_lag(self) -> tuple[Step, ...]:
-        """Return how much less the receiver turns than its place does, about the joint's axes in the bone."""
+        """Turn the receiver back about the joint's axes, as it turns less than its place moves."""
         if self.lags is None or self.flexion is None or self.others is None:
             return ()
         steps = []
         axes = (self.axis, self.second, self.rest[:, 0])
         for axis, state in zip(axes, (self.flexion, *self.others), strict=True):
-            lag = Term(prior.TURN_LAG, None, state), Term(prior.TURN_LAG_SD, self.lags[1], state)
+            lag = Term(PRIOR.TURN_LAG, None, state), Term(PRIOR.TURN_LAG_SD, self.lags[1], state)
             steps.append(Operation(True, self.rest.T @ axis, 0.0, lag))
         return tuple(steps)

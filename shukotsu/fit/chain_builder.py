@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.fit.operations import Mark, Operation, Step, Term
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Layout
 
@@ -96,7 +96,10 @@ class States:
 
 @dataclass(frozen=True)
 class FirstGuess:
-    """How a flexion shows: child rotation = parent rotation * before * (turn about axis) * after."""
+    """Flexion (state) between two receivers: child rotation = parent rotation * before * flexion * after.
+
+    axis : (3,) of the flexion, between `before` and `after`, which are (3, 3).
+    """
 
     state: int
     parent: str
@@ -159,15 +162,15 @@ class Builder:
         self.knuckles: dict[str, tuple[Amount, Amount, Amount]] = {}
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
-        """An amount of its own, with that mean and sd."""
+        """Return an amount with this mean and an unknown of this sd."""
         return Amount(mean, ((sd, self.unknowns.add(group, name)),))
 
     def place(self, mean: Amount, sd: float, group: str, name: str) -> Amount:
-        """An amount that differs from another by an unknown of that sd."""
+        """Return an amount that differs from another by an unknown of this sd."""
         return mean.plus(self.free(0.0, sd, group, name))
 
     def shared(self, sd: float, group: str, name: str) -> Amount:
-        """An amount with mean 0 and that sd which several parts of the hand have in common."""
+        """Return an amount with mean 0 and this sd that several parts of the hand share."""
         full = f"{name} {group}"
         if full in self.unknowns.names:
             return Amount(0.0, ((sd, self.unknowns.names.index(full)),))
@@ -183,15 +186,33 @@ class Builder:
         *,
         faces_anyhow: bool = False,
     ) -> tuple[Step, ...]:
-        """Place of a receiver on its bone, sliding and tilting with the drives.
+        """Lay out a receiver on its bone, which skin moves with joint angles (docs/whole-hand.md, section 3).
 
-        kind : of the bone; None for the palm. People have a habit for nails and one for other bones. lag : by
-        how much less it turns than its place does. faces_anyhow : its roll about the bone is unconstrained.
+        Parameters
+        ----------
+        segment : str
+            Of the receiver.
+        position : sequence of three Amounts
+            Expected place in the bone's frame, mm.
+        drives : sequence of Drive
+            Joint angles that move its skin.
+        kind : str, optional
+            Of the bone; None for the palm. Nails share one habit of placement, other bones another.
+        lag : sequence of Step
+            Turn of the receiver against that of its place.
+        faces_anyhow : bool
+            Whether its roll about the bone is unconstrained.
+
+        Returns
+        -------
+        tuple of Step
+            From the bone's frame to the mark of the receiver.
+
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
-        sds_mm = prior.MOUNT_SD_MM
+        sds_mm = PRIOR.MOUNT_SD_MM
         if habit is not None and self.layout.receiver_height_mm is not None:
-            sds_mm = (*sds_mm[:2], prior.HEIGHT_SD_MM)
+            sds_mm = (*sds_mm[:2], PRIOR.HEIGHT_SD_MM)
         placed = [
             self._put_on(at, sds_mm[i], "mount across" if i else "mount", segment, habit, i)
             for i, at in enumerate(position)
@@ -201,19 +222,19 @@ class Builder:
         self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
-            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
+            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", PRIOR.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
             if i == 0 and habit is not None:
-                sd = prior.FACING_SD_RAD if faces_anyhow else prior.ROUND_SD_RAD
+                sd = PRIOR.FACING_SD_RAD if faces_anyhow else PRIOR.ROUND_SD_RAD
                 steps.append(about(axis, self.free(0.0, sd, "facing", segment)))
         steps += lag
         for i, axis in enumerate(np.eye(3)):
-            slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
-            turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
-            skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
+            slope = float(np.radians(PRIOR.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
+            turn = self._put_on(Amount(slope, ()), PRIOR.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
+            skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", PRIOR.TILT_SD[i])
             if i == 1 and kind == "distal" and drives:
                 ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # beyond the usual
-                skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
+                skin += drives[0].terms(PRIOR.DISTAL_TILT) + drives[0].terms(PRIOR.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 
@@ -221,9 +242,9 @@ class Builder:
         """Amount by which skin and housing of all receivers are higher than expected."""
         height_mm = self.layout.receiver_height_mm
         if height_mm is None:
-            return self.shared(prior.COVER_SD_MM, "cover", "receivers")
-        higher = Amount(height_mm - prior.HOUSING_MM, ())
-        return higher.plus(self.shared(prior.SKIN_COVER_SD_MM, "cover", "receivers"))
+            return self.shared(PRIOR.COVER_SD_MM, "cover", "receivers")
+        higher = Amount(height_mm - PRIOR.HOUSING_MM, ())
+        return higher.plus(self.shared(PRIOR.SKIN_COVER_SD_MM, "cover", "receivers"))
 
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
@@ -232,12 +253,12 @@ class Builder:
         letter = "xyz"[axis]
         if habit is None:
             return self.place(mean, sd, group, f"{segment} {letter}")
-        by_chance = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
-        return by_chance.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
+        by_chance = self.place(mean, (1.0 - PRIOR.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
+        return by_chance.plus(self.shared(PRIOR.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
     def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
         """Return the terms that skin adds, an unknown of that sd per rad of each drive."""
-        sd *= prior.looseness(segment)
+        sd *= PRIOR.looseness(segment)
         terms: tuple[Term, ...] = ()
         for n, drive in enumerate(drives):
             terms += drive.terms(sd, self.unknowns.add(group, f"{segment} {n}"))

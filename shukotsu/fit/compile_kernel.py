@@ -23,8 +23,6 @@ LAYOUT = "liberty16"
 def compile_all() -> None:
     """Call every compiled function on one frame; numba keeps them beside the code, or in NUMBA_CACHE_DIR."""
     problem, point = one_frame()
-    compiled_equations.residuals(problem, point)
-    compiled_equations.weighted_jacobians(problem, point)
     steps = compiled_equations.reduce(problem, point)
     compiled_equations.back_substitute(problem, point, steps, np.zeros(len(point.x)))
     compiled_equations.pose(problem, point)

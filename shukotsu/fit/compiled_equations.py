@@ -42,12 +42,23 @@ _KINDS = {
 }
 
 
+class Jacobian(NamedTuple):
+    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
+    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
+    """
+
+    r: Array
+    by_states: Array
+    by_root: Array
+    by_unknowns: Array
+
+
 @dataclass(frozen=True)
 class Steps:
     """Normal equations with all states and roots eliminated, as in `Reduced`, but frames last.
 
-    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F); eliminated, unknowns : of
-    every branch.
+    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F). Of every branch: its states as
+    eliminated, its unknowns, its weighted residuals r (m, F) and their derivatives.
     """
 
     matrix: Array
@@ -57,6 +68,16 @@ class Steps:
     root_rhs: Array
     eliminated: tuple[elimination.EliminatedStates, ...]
     unknowns: tuple[Index, ...]
+    r: tuple[Array, ...]
+    derivatives: tuple[derivatives.Derivatives, ...]
+
+    def jacobians(self) -> list[Jacobian]:
+        """Return every branch's residuals and derivatives with the frames first."""
+        jacobians = []
+        for r, each in zip(self.r, self.derivatives, strict=True):
+            by_states, by_rest = (_first(values.swapaxes(0, 1)) for values in each)
+            jacobians.append(Jacobian(_first(r), by_states, by_rest[..., :6], by_rest[..., 6:]))
+        return jacobians
 
     def frames_first(self) -> Reduced:
         """Return the same with the frames first."""
@@ -105,12 +126,14 @@ def _posing_buffers(problem: Problem, n: int) -> posing.PosingBuffers:
     """Buffers in which n frames are posed."""
     b, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
     s = max((len(branch.states) for branch in problem.branches), default=0)
-    shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
     return posing.PosingBuffers(
         forward.BranchPoses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
-        _reached_buffers(problem.branches, n),
-        _residual_buffers(problem, n),
-        *(np.empty((*shape, n)) for shape in shapes),
+        derivatives.Derivatives(np.empty((s, m, n)), np.empty((6, m, n))),
+        elimination.EliminatedStates(np.empty((b, s, s, n)), np.empty((b, 6, s, n)), np.empty((b, s, n))),
+        elimination.RootEquations(np.empty((6, 6, n)), np.empty((0, 6, n)), np.empty((6, n))),
+        root_inverse=np.empty((6, 6, n)),
+        root_rhs=np.empty((6, n)),
+        d_root=np.empty((6, n)),
     )
 
 
@@ -121,9 +144,10 @@ def _chains(problem: Problem) -> forward.FlatChains:
 
 def _amounts(chains: forward.FlatChains, x: Array) -> forward.Amounts:
     """Return the steady part of every operation's amount, and how much of a state each term adds."""
-    slope = chains.coefficient * np.where(chains.unknown >= 0, x[chains.unknown], 1.0)
-    running = np.append(0.0, np.cumsum(np.where(chains.state < 0, slope, 0.0)))
-    return forward.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)
+    terms = chains.terms
+    slope = terms.coefficient * np.where(terms.unknown >= 0, x[terms.unknown], 1.0)
+    running = np.append(0.0, np.cumsum(np.where(terms.state < 0, slope, 0.0)))
+    return forward.Amounts(chains.constant + np.diff(running[terms.start]), slope)
 
 
 def _poses(point: Point) -> forward.BranchPoses:
@@ -144,17 +168,35 @@ def _measured_poses(problem: Problem, x: Array, *, free_x: bool) -> derivatives.
     )
 
 
-def _prior(problem: Problem) -> derivatives.Prior:
+def _objective(problem: Problem) -> derivatives.Objective:
     most = max((len(branch.states) for branch in problem.branches), default=0)
     precision = np.zeros((len(problem.branches), most, most))
     for block, branch in zip(precision, problem.branches, strict=True):
         root, n = problem.state_prior(branch.states), len(branch.states)
         block[:n, :n] = problem.temper * root.T @ root
-    return derivatives.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
+    return derivatives.Objective(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
 
 
 def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
-    """Go through a branch's chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
+    """Compute where a branch's chain reaches (forward kinematics, docs/whole-hand.md, section 2).
+
+    Parameters
+    ----------
+    branch : Branch
+        The chain.
+    x : array, shape (G,)
+        The hand's unknowns.
+    y : array, shape (F, S)
+        Joint angles, rad.
+    root, root_mm : array, shape (F, 3, 3) and (F, 3)
+        Pose of the hand's frame in the transmitter's.
+
+    Returns
+    -------
+    Reached
+        Poses of its marks, and axis and origin of every operation, in the transmitter's frame.
+
+    """
     chains, n = _flat_chains((branch,), ((),)), len(y)
     reached = _reached_buffers((branch,), n)
     at = forward.BranchPoses(_last(y), _last(root), _last(root_mm))
@@ -163,33 +205,42 @@ def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Re
     return Reached(rotation, position_mm, axis, origin_mm)
 
 
-@dataclass(frozen=True)
-class _Evaluated:
-    """A problem at a point, as the kernel sees it; the last two are kept, as most are asked for again."""
-
-    chains: forward.FlatChains
-    amounts: forward.Amounts
-    at: forward.BranchPoses
-    seen: derivatives.MeasuredPoses
-    prior: derivatives.Prior
-    reached: forward.ReachedFrames
-    current: derivatives.ResidualArrays
-
-    @classmethod
-    @lru_cache(maxsize=2)
-    def of(cls, problem: Problem, point: Point) -> _Evaluated:
-        chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
-        amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)
-        reached = _reached_buffers(problem.branches, n_frames)
-        residuals_there = _residual_buffers(problem, n_frames)
-        forward.reach(chains, chains.plan, amounts, at, reached)
-        derivatives.residuals(chains, reached, at, seen, prior, residuals_there)
-        return cls(chains, amounts, at, seen, prior, reached, residuals_there)
+@lru_cache(maxsize=2)
+def _evaluated(problem: Problem, point: Point) -> derivatives.Evaluation:
+    """Evaluate a problem at a point; the last two are kept, as most are asked for again."""
+    chains = _chains(problem)
+    evaluation = derivatives.Evaluation(
+        chains,
+        _amounts(chains, point.x),
+        _poses(point),
+        _measured_poses(problem, point.x, free_x=True),
+        _objective(problem),
+        _reached_buffers(problem.branches, len(point.y)),
+        _residual_buffers(problem, len(point.y)),
+    )
+    chains, amounts, at, _, _, reached, _ = evaluation
+    forward.reach(chains, chains.plan, amounts, at, reached)
+    derivatives.residuals(evaluation)
+    return evaluation
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
-    """Residuals of every receiver and the cost: half the tempered robust squares, the priors' included."""
-    at = _Evaluated.of(problem, point)
+    """Compute residuals and the objective J (docs/whole-hand.md, sections 4 and 5).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Values of all unknowns.
+
+    Returns
+    -------
+    Residuals
+        By branch and receiver, over their sd, and the cost, each frame's part of it apart.
+
+    """
+    at = _evaluated(problem, point)
     parts, operation, mark, receiver = [], 0, 0, 0
     reached = [np.moveaxis(values, -1, 1) for values in at.reached]
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
@@ -209,69 +260,57 @@ def residuals(problem: Problem, point: Point) -> Residuals:
     return Residuals(tuple(parts), float(cost), at.current.cost)
 
 
-class Jacobian(NamedTuple):
-    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
-    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
-    """
-
-    r: Array
-    by_states: Array
-    by_root: Array
-    by_unknowns: Array
-
-
-def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
-    """Every branch's derivatives."""
-    at, out, first = _Evaluated.of(problem, point), [], 0
-    for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
-        m, n = 6 * len(receivers), len(point.y)
-        J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(problem.unknowns_of(b)), m, n))
-        derivatives.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
-        )
-        rows = slice(first, first + len(receivers))
-        r = at.current.r[rows] * np.sqrt(problem.temper * at.current.weight[rows])[:, None]
-        by_rest = _first(J.swapaxes(0, 1))
-        by_states = _first(J_y.swapaxes(0, 1))
-        out.append(Jacobian(_first(r.reshape(m, n)), by_states, by_rest[..., :6], by_rest[..., 6:]))
-        first = rows.stop
-    return out
-
-
 def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
-    """Eliminate states and roots from the normal equations; damping : Marquardt's, over the diagonal."""
-    at, G, n = _Evaluated.of(problem, point), len(point.x), len(point.y)
+    """Eliminate states and roots from the normal equations (docs/whole-hand.md, section 6).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Where it is linearised.
+    damping : float
+        Marquardt's: share of the diagonal that is added to it, for states and roots alone.
+
+    Returns
+    -------
+    Steps
+        Matrix (G, G) and gradient (G,) of the hand's unknowns, and what leads back to roots and states.
+
+    """
+    at, G, n = _evaluated(problem, point), len(point.x), len(point.y)
     rows = problem.observations.rows
     matrix = np.diag(problem.precision) + rows.T @ rows
     gradient = problem.precision * point.x + rows.T @ (rows @ point.x - problem.observations.values)
-    H_rr, H_xr, g_r = np.zeros((6, 6, n)), np.zeros((G, 6, n)), np.zeros((6, n))
+    root = elimination.RootEquations(np.zeros((6, 6, n)), np.zeros((G, 6, n)), np.zeros((6, n)))
     dampings = np.full(n, damping)
-    eliminated = []
-    for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
-        unknowns, s = problem.unknowns_of(b), len(branch.states)
-        J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
-        part = elimination.EliminatedStates(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
-        derivatives.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
-        )
-        r = elimination.eliminate(at.chains, at.current, at.at, at.prior, dampings, b, J_y, J, part)
-        elimination.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
-        J_x = J[6:].reshape(len(unknowns), r.size)
+    eliminated, of_branches, rs = [], [], []
+    unknowns_of = tuple(map(problem.unknowns_of, range(len(problem.branches))))
+    for b, unknowns in enumerate(unknowns_of):
+        s, m, columns = len(problem.branches[b].states), 6 * len(problem.receivers[b]), 6 + len(unknowns)
+        part = elimination.EliminatedStates(np.empty((s, s, n)), np.empty((columns, s, n)), np.empty((s, n)))
+        of_branch = derivatives.Derivatives(np.empty((s, m, n)), np.empty((columns, m, n)))
+        derivatives.jacobian(at, b, of_branch)
+        r = elimination.eliminate(at, b, of_branch, dampings, part)
+        elimination.add_to_root(at.chains, b, of_branch.by_rest, r, part, root)
+        J_x = of_branch.by_rest[6:].reshape(len(unknowns), r.size)
         Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
         matrix[np.ix_(unknowns, unknowns)] += J_x @ J_x.T - Z_x @ Z_x.T
         gradient[unknowns] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
         eliminated.append(part)
+        of_branches.append(of_branch)
+        rs.append(r)
     inverse, rhs, by_x = np.empty((6, 6, n)), np.empty((6, n)), np.empty((G, 6, n))
-    elimination.reduce_roots(H_rr, H_xr, g_r, dampings, inverse, rhs, by_x)
+    elimination.reduce_roots(root, dampings, inverse, rhs, by_x)
     flat = by_x.reshape(G, 6 * n)
     matrix -= flat @ flat.T
     gradient -= flat @ rhs.ravel()
-    own_unknowns = tuple(map(problem.unknowns_of, range(len(problem.branches))))
-    return Steps(matrix, gradient, inverse, by_x, rhs, tuple(eliminated), own_unknowns)
+    parts = tuple(eliminated), unknowns_of, tuple(rs), tuple(of_branches)
+    return Steps(matrix, gradient, inverse, by_x, rhs, *parts)
 
 
 def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> Point:
-    """The point after a step dx and the steps of roots and states that go with it."""
+    """Take a step dx (G,) and the steps of roots and states that follow from it; return the new point."""
     at = _poses(point)
     rhs = steps.root_rhs + np.tensordot(dx, steps.root_by_x, 1)
     d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)
@@ -283,21 +322,38 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
-    """Fit states and roots with x fixed (Levenberg-Marquardt); each frame stops when it gains no more."""
-    chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
-    plan = forward.condense(chains, amounts)
-    y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
-    n_blocks = -(-len(y) // BLOCK_FRAMES)
-    buffers = dict[int, posing.PosingBuffers]()
-    for rows in np.array_split(np.arange(len(y)), max(1, n_blocks)):
-        block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        if len(rows) not in buffers:
-            buffers[len(rows)] = _posing_buffers(problem, len(rows))
+    """Fit each frame's states and root with x fixed, by Levenberg-Marquardt (section 11).
+
+    Parameters
+    ----------
+    problem : Problem
+        F frames.
+    point : Point
+        Where to start; its x stays.
+    steps : int
+        Most steps; a frame ends earlier when one gains less than a 10,000th of its cost.
+
+    Returns
+    -------
+    Point
+        States (F, S), rad, and roots (F, 3, 3), (F, 3).
+
+    """
+    chains, objective, x = _chains(problem), _objective(problem), point.x
+    amounts = _amounts(chains, x)
+    plan, posed, buffers = forward.condense(chains, amounts), [], {}
+    for rows in np.array_split(np.arange(len(point.y)), max(1, -(-len(point.y) // BLOCK_FRAMES))):
+        n, block = len(rows), slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
+        if n not in buffers:
+            reached, current = _reached_buffers(problem.branches, n), _residual_buffers(problem, n)
+            buffers[n] = reached, current, _posing_buffers(problem, n)
+        reached, current, of_block = buffers[n]
+        seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), x, free_x=False)
         at = _poses(point.take(block))
-        seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
-        posing.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, buffers[len(rows)])
-        y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
-    return Point(point.x, y, root, root_mm)
+        now = derivatives.Evaluation(chains, amounts, at, seen, objective, reached, current)
+        posing.pose(now, plan, steps, _LEAST_GAIN, of_block)
+        posed.append([_first(values) for values in at])
+    return Point(x, *(np.concatenate(values) for values in zip(*posed, strict=True)))
 
 
 @lru_cache(maxsize=64)
@@ -334,24 +390,30 @@ def _flat_chains(
         depth=1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
         rotates=np.array([operation.rotates for operation in operations], bool),
         moves=np.array([any(s >= 0 for *_, s in parts) for parts in terms], bool),
-        amount=np.array([operation.constant for operation in operations], float),
-        terms_from=terms_from,
-        coefficient=coefficient,
-        unknown=unknown.copy(),
-        state=state.copy(),
-        x_column=x_column,
-        y_column=y_column,
-        mark=np.array([first_mark[b] + mark for b, mark, _ in measured], int),
-        receiver=np.array([s for *_, s in measured], int),
-        upstream_from=_from(map(len, upstream)),
-        upstream=np.concatenate([np.zeros(0, int), *upstream]),
-        by_state=_moves_receiver(upstream, terms_from, y_column),
-        by_unknown=by_unknown,
-        receivers_from=_from(map(len, receivers)),
-        states_from=_from(len(branch.states) for branch in branches),
-        states=np.concatenate([branch.states for branch in branches]).astype(int),
-        unknowns_from=_from(len(branch.unknowns) + len(shared) for branch in branches),
-        unknowns=np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
+        constant=np.array([operation.constant for operation in operations], float),
+        terms=forward.Terms(
+            start=terms_from,
+            coefficient=coefficient,
+            unknown=unknown.copy(),
+            state=state.copy(),
+            x_column=x_column,
+            y_column=y_column,
+        ),
+        receivers=forward.Receivers(
+            mark=np.array([first_mark[b] + mark for b, mark, _ in measured], int),
+            number=np.array([s for *_, s in measured], int),
+            start=_from(map(len, upstream)),
+            operation=np.concatenate([np.zeros(0, int), *upstream]),
+            by_state=_moves_receiver(upstream, terms_from, y_column),
+            by_unknown=by_unknown,
+        ),
+        ranges=forward.Ranges(
+            receiver_start=_from(map(len, receivers)),
+            state_start=_from(len(branch.states) for branch in branches),
+            state=np.concatenate([branch.states for branch in branches]).astype(int),
+            unknown_start=_from(len(branch.unknowns) + len(shared) for branch in branches),
+            unknown=np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
+        ),
     )
 
 

@@ -19,7 +19,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.fit.compiled_equations import Jacobian, reduce, residuals, weighted_jacobians
+from shukotsu.fit.compiled_equations import Jacobian, reduce, residuals
 from shukotsu.fit.normal_equations import Point, Problem, Reduced
 from shukotsu.fit.operations import Index
 from shukotsu.hand.rotations import Array
@@ -64,7 +64,7 @@ simulated hands with nothing loose."""
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
 """First-order evidence for a displacement of each receiver."""
 
-PRIOR = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
+DISPLACEMENT_PRECISION = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
 _EDGE_STEPS, _LEAST_MORE = 12, 1e-12
 
@@ -86,18 +86,20 @@ class Displacement:
     @property
     def cost(self) -> float:
         """Minus its log prior."""
-        return float(self.step @ PRIOR @ self.step) / 2
+        return float(self.step @ DISPLACEMENT_PRECISION @ self.step) / 2
 
     def share(self, n_frames: int) -> Array:
-        """Return how far (F,) of the way it has gone in every frame."""
+        """Return the share (F,) of the displacement that is reached in every frame."""
         gone = np.arange(n_frames) + 1.0 - self.start
         return np.asarray(np.clip(gone / max(1, self.end - self.start), 0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Courses:
-    """Ways in which a receiver may leave its place: share (P, I) of the way in each interval between moments,
-    the moments (P,) between which it goes, and whether it comes back (P,).
+    """Time courses of a displacement: P of them over I intervals between moments.
+
+    share : (P, I) of the displacement in each interval. start, end : (P,) moments between which it grows.
+    returns : (P,) whether the receiver comes back.
     """
 
     share: Array
@@ -108,13 +110,16 @@ class Courses:
 
 @cache
 def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
-    """Return the steps, the slides and what comes back, in a recording of so many intervals.
+    """Return all steps, slides and temporary offsets in a recording of n_intervals.
 
-    from_start : whether a receiver may have sat elsewhere all along, as in another recording than its hand's.
+    from_start : whether a receiver may have sat elsewhere throughout, as in a recording that its hand was not
+    fitted to.
     """
     last, at = n_intervals - SHORTEST, np.arange(n_intervals)
     grid = range(0, n_intervals + 1, SLIDE_GRID)
-    steps = [(k, k) for k in [0] * from_start + [*range(SHORTEST, last + 1)]]
+    steps = [(k, k) for k in range(SHORTEST, last + 1)]
+    if from_start:
+        steps = [(0, 0), *steps]
     slides = [(a, b) for a in grid for b in grid if b - a >= SLOWEST]
     spells = [(a, b) for a in range(SHORTEST, last) for b in range(a + 1, last + 1)]
     share = [
@@ -154,7 +159,20 @@ class ScoreTest:
         *,
         from_start: bool = False,
     ) -> ScoreTest:
-        """Test some receivers; normal : (S, 2) mm and rad that are no displacement."""
+        """Test receivers for displacement on every course (a score test; docs/whole-hand.md, section 11).
+
+        Parameters
+        ----------
+        problem, point
+            What was solved, and where.
+        normal : array, shape (S, 2)
+            Offset in mm and rad below which a receiver does not count as displaced.
+        receivers : sequence of int
+            Numbers of those tested.
+        from_start : bool
+            Whether a receiver may have sat elsewhere throughout the recording.
+
+        """
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
         n_receivers, ways = len(problem.sd), courses(len(cuts), from_start=from_start)
         slope = np.zeros((n_receivers, len(cuts), 6))
@@ -172,7 +190,7 @@ class ScoreTest:
             for s in tested:
                 on_courses = _on_courses(slope[s], curvature[s], ways.share)
                 of_s, by_s = on_courses
-                step[s] = -np.linalg.solve(by_s + PRIOR, of_s[..., None])[..., 0]
+                step[s] = -np.linalg.solve(by_s + DISPLACEMENT_PRECISION, of_s[..., None])[..., 0]
                 gain[s] = -(of_s * step[s]).sum(-1) / 2
                 within = most_within(np.tile(radii[s], (len(ways.share), 1)), *on_courses)
                 abnormal[s] = gain[s] - within
@@ -241,16 +259,18 @@ class ScoreTest:
         way = self.ways.share[[self._course(displaced)]]
         s = displaced.receiver
         slope, curvature = _on_courses(self.slope[s], self.curvature[s], way)
-        rest = np.linalg.solve(curvature[0] + PRIOR, slope[0] + PRIOR @ displaced.step)
+        rest = np.linalg.solve(
+            curvature[0] + DISPLACEMENT_PRECISION, slope[0] + DISPLACEMENT_PRECISION @ displaced.step
+        )
         return replace(displaced, step=displaced.step - rest)
 
 
 def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -> Array:
-    """Ways (F, n, R, 6) in which skin may displace n receivers of a branch, each as likely; sd (S, 2) of all
-    together.
+    """Principal components (F, n, R, 6) of skin motion of a branch's n receivers, scaled to unit variance.
 
-    Half belongs to the posture and returns with it, half fades. The posture is the digit's; the palm's is how
-    all digits stand at their bases.
+    sd : (S, 2) of all components together, mm and rad. Half of the variance belongs to the posture and
+    returns with it, half fades with time. The posture of a digit is its joint angles, that of the palm the
+    angles at the digits' bases.
     """
     states = next(
         branch.states
@@ -330,12 +350,11 @@ def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
 
 @dataclass(frozen=True)
 class EliminatedBranch:
-    """What the cost does if receivers of a branch, n of them, m = 6 n, are displaced in their own
-    frames.
+    """Cost to second order in displacements of a branch's n receivers in their own frames, m = 6 n.
 
-    receivers : their numbers. slope (F, m) and curvature (F, m, m) of the cost by their displacements in each
-    frame, with its states and root eliminated; by_x (F, m, G) : how these displacements pull at the hand's
-    unknowns. root (F, m, 6) : what the root takes of the curvature, already gone from it.
+    receivers : their numbers. slope (F, m), curvature (F, m, m) : of the cost in each frame, with its states
+    and root eliminated; by_x (F, m, G) : mixed derivatives by displacements and the hand's unknowns. root
+    (F, m, 6) : the curvature that the root has absorbed is root @ root^T, already subtracted.
     """
 
     receivers: tuple[int, ...]
@@ -356,9 +375,9 @@ class Eliminated:
     @classmethod
     def of(cls, problem: Problem, point: Point) -> Eliminated:
         """Eliminate at a point."""
-        reduced = reduce(problem, point).frames_first()
-        branches = []
-        parts = zip(residuals(problem, point).branches, weighted_jacobians(problem, point), strict=True)
+        steps, branches = reduce(problem, point), []
+        reduced = steps.frames_first()
+        parts = zip(residuals(problem, point).branches, steps.jacobians(), strict=True)
         for index, (part, jacobian) in enumerate(parts):
             r, states, root, by_x = _left(reduced, index, jacobian)
             receivers = tuple(s for _, s in problem.receivers[index])

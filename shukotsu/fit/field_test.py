@@ -1,7 +1,7 @@
 """Test whether a hand fits better if the field is disturbed: an error that all receivers share at a place.
 
-Beside a steel plate every receiver is off by what belongs to where it is in the room, whenever it is there,
-so that what one shows another must show as well. The error grows towards a source beside the hand, whose
+Beside a steel plate the error of a receiver depends on its position alone, so that all receivers must show
+the same error at the same place. The error grows towards a source beside the hand, whose
 place is looked for; its six amounts are tested to first order as displacements of receivers are
 (`displacement_test`).
 
@@ -18,7 +18,7 @@ import numpy as np
 from shukotsu.fit.compiled_equations import residuals
 from shukotsu.fit.displacement_test import Eliminated, most_within
 from shukotsu.fit.normal_equations import Frames, Point, Problem
-from shukotsu.hand.rotations import Array
+from shukotsu.hand.rotations import Array, unit
 
 DISTANCES_MM = (60.0, 180.0)
 """Distances from the nearest receiver to the source: an object beside the hand, or a plate."""
@@ -40,7 +40,8 @@ DISTURBED_SD = (4.0, float(np.radians(4.0)))
 """The same per component beside steel."""
 
 GROSS = (15.0, float(np.radians(15.0)))
-"""mm and rad that no receiver is off beside metal, once the hand is posed to others that are off too."""
+"""mm and rad beyond which a residual cannot be due to metal, as the hand is posed to receivers that are off
+too."""
 
 LEAST_FIELD_GAIN = 12.0
 """Log likelihood that metal must explain beyond what any room has: on simulated hands 6 is the most without
@@ -50,9 +51,18 @@ _PRIOR = np.diag(np.repeat(DISTURBED_SD, 3) ** -2.0)
 
 
 @dataclass(frozen=True)
-class Field:
-    """An error of the tracker that grows towards a source (3,), beside the place `nearest` (3,) where a
-    receiver came nearest to it: there `error` (6,), mm and rad in the transmitter's axes.
+class Disturbance:
+    """An error of the tracker that grows towards a piece of metal.
+
+    Parameters
+    ----------
+    source : array, shape (3,)
+        Place of the metal, mm in the transmitter's frame.
+    nearest : array, shape (3,)
+        Place at which a receiver came nearest to it.
+    error : array, shape (6,)
+        Error there, mm and rad in the transmitter's axes.
+
     """
 
     source: Array
@@ -64,7 +74,7 @@ class Field:
         return np.asarray(self.share(position_mm)[..., None] * self.error)
 
     def share(self, position_mm: Array) -> Array:
-        """Return how much of it (...,) there is at places (..., 3)."""
+        """Return the share (...,) of `error` at places (..., 3); it falls with distance from the metal."""
         away = np.linalg.norm(position_mm - self.source, axis=-1)
         nearest = np.linalg.norm(self.nearest - self.source)
         return np.asarray((nearest / np.maximum(away, nearest)) ** POWER)
@@ -74,30 +84,40 @@ SAME = 1e-4
 """mm, and elements of a rotation, by which a pose that is computed scatters at most, and no measured one."""
 
 
-def fields(places: Array) -> list[Field]:
+def fields(places: Array) -> list[Disturbance]:
     """Sources all round the places (P, 3) where receivers were, with no error yet."""
-    every = np.array([n for n in product((-1.0, 0.0, 1.0), repeat=3) if any(n)])
-    directions = every / np.linalg.norm(every, axis=1)[:, None]
+    directions = unit(np.array([n for n in product((-1.0, 0.0, 1.0), repeat=3) if any(n)]))
+    farthest = places[np.argmax(places @ directions.T, axis=0)]
     return [
-        Field(nearest + distance * outward, nearest, np.zeros(6))
-        for outward in directions
-        for nearest in [places[np.argmax(places @ outward)]]
+        Disturbance(nearest + distance * outward, nearest, np.zeros(6))
+        for outward, nearest in zip(directions, farthest, strict=True)
         for distance in DISTANCES_MM
     ]
 
 
-def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
-    """The likeliest field, and the log likelihood that it explains beyond what any room has.
+def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]:
+    """Find the likeliest disturbance of the field (docs/whole-hand.md, section 11).
 
-    Poses relative to one of the receivers hold no position in the room.
+    Parameters
+    ----------
+    problem, point
+        What was solved, and where.
+
+    Returns
+    -------
+    disturbance : Disturbance
+        Its source, and its error where a receiver came nearest.
+    gain : float
+        Log likelihood that it explains beyond an ordinary room's field; 0 for poses relative to one of the
+        receivers, which hold no position in the room.
+
     """
     if _is_relative(problem.frames):
-        return Field(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
+        return Disturbance(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
     valid = problem.frames.valid.copy()
-    for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            off = np.linalg.norm(r[i].reshape(-1, 2, 3), axis=-1) * problem.sd[s]
-            valid[:, s] &= (off <= GROSS).all(1)  # otherwise a hemisphere error, or a spike
+    for s, r in problem.residuals_of(residuals(problem, point)):
+        off = np.linalg.norm(r.reshape(-1, 2, 3), axis=-1) * problem.sd[s]
+        valid[:, s] &= (off <= GROSS).all(1)  # otherwise a hemisphere error, or a spike
     frames = replace(problem.frames, valid=valid)
     problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])
@@ -119,19 +139,13 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
 
 def _is_relative(frames: Frames) -> bool:
     """Whether a receiver has an identical pose in all frames, which no tracker measures."""
-    for position_mm, rotation, seen in zip(
-        *(np.swapaxes(poses, 0, 1) for poses in (frames.position_mm, frames.rotation)),
-        frames.valid.T,
-        strict=True,
-    ):
-        spreads = [np.ptp(poses[seen], axis=0).max() for poses in (position_mm, rotation) if seen.any()]
-        if spreads and max(spreads) < SAME:
-            return True
-    return False
+    poses = np.concatenate([frames.position_mm[..., None], frames.rotation], -1)  # (F, S, 3, 4)
+    spreads = [np.ptp(poses[seen, s], axis=0).max() for s, seen in enumerate(frames.valid.T) if seen.any()]
+    return bool(min(spreads, default=np.inf) < SAME)
 
 
 def _room(frames: Frames) -> Array:
-    """Functions (F, S, B) of the receivers' places that make up a room's field, each as likely as any."""
+    """Basis functions (F, S, B) of an ordinary room's field at the receivers, each with unit variance."""
     places = frames.position_mm[frames.valid]
     sites = [places[np.argmax(((places - places.mean(0)) ** 2).sum(1))]]
     distance = ((places - sites[0]) ** 2).sum(1)

@@ -21,7 +21,7 @@ from shukotsu.arrays import Float
 from shukotsu.errors import InputError
 from shukotsu.fit.chain_builder import bone, receiver
 from shukotsu.fit.fit import HandFit
-from shukotsu.fit.posterior import Evidence, places_of
+from shukotsu.fit.posterior import SolvedFit, places_of
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, rotate
@@ -90,7 +90,7 @@ class Fingertips:
         return self.digits[digit]
 
     def in_transmitter(self, poses: Poses, part: str = BONE) -> Array:
-        """Bone, tip or pad (T, D, 3) of a recording, carried by the distal receivers; NaN where not valid."""
+        """Return bone, tip or pad (T, D, 3), mm, as the distal receivers carry it; NaN where not valid."""
         out = np.full((len(poses.frame), len(self.digits), 3), np.nan)
         for i, tip in enumerate(self.digits.values()):
             column = poses.index(tip.receiver)
@@ -107,10 +107,22 @@ def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 
 def fingertips(fit: HandFit) -> Fingertips:
-    """Fingertips from the fit and population means of the soft parts, before any touch."""
-    offsets, n_unknowns = _average_offsets_mm(fit), len(fit.evidence.posterior.x)
+    """Locate a hand's fingertips by the fit and the population's soft parts, before any touch (section 7).
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+
+    Returns
+    -------
+    Fingertips
+        Ends of bones, soft tips and pads, mm in the distal receivers' frames, with their joint covariance.
+
+    """
+    offsets, n_unknowns = _average_offsets_mm(fit), len(fit.posterior.x)
     covariance = np.zeros((n_unknowns + offsets.size,) * 2)
-    covariance[:n_unknowns, :n_unknowns] = fit.evidence.posterior.covariance
+    covariance[:n_unknowns, :n_unknowns] = fit.posterior.covariance
     variance = np.broadcast_to(np.square([TIP_SD_MM, PAD_SD_MM]), offsets.shape)
     covariance[n_unknowns:, n_unknowns:] = np.diag(variance.ravel())
     return fingertips_of(fit, offsets, covariance)
@@ -119,10 +131,28 @@ def fingertips(fit: HandFit) -> Fingertips:
 def fingertips_of(
     fit: HandFit, offsets_mm: Array, covariance: Array, refused: tuple[str, ...] = ()
 ) -> Fingertips:
-    """Compute the fingertips from a fit and the soft parts' offsets, given their joint covariance."""
-    seen = seen_parts(fit.evidence, fit.evidence.posterior.x, offsets_mm)
+    """Locate a hand's fingertips by the fit and given offsets of the soft parts.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    offsets_mm : array, shape (D, 2, 3)
+        Soft tip and pad from the bone's end, in the bone's frame of a right hand.
+    covariance : array, shape (G + 6 D, G + 6 D)
+        Of unknowns and offsets together.
+    refused : tuple of str
+        Touches left out, and why.
+
+    Returns
+    -------
+    Fingertips
+        In the order of the layout's digits.
+
+    """
+    seen = seen_parts(fit, fit.posterior.x, offsets_mm)
     digits = {}
-    for digit in tipped_digits(fit.evidence):
+    for digit in tipped_digits(fit):
         parts = []
         for part in (BONE, *SOFT_PARTS):
             point, by_all = seen[digit.name, part]
@@ -131,19 +161,35 @@ def fingertips_of(
     return Fingertips(fit, offsets_mm, covariance, digits, refused)
 
 
-def tipped_digits(evidence: Evidence) -> list[Digit]:
+def tipped_digits(fit: SolvedFit) -> list[Digit]:
     """Digits of known anatomy whose last bone carries a receiver."""
-    return [d for d in known_digits(evidence.layout) if d.tip in evidence.model.receivers]
+    return [d for d in known_digits(fit.layout) if d.tip in fit.model.receivers]
 
 
-def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
-    """Bones' ends, tips and pads (3,) in their receivers' frames, with derivatives (3, G + 6 D)."""
-    model = evidence.model
-    places = places_of(model, evidence.posterior.moved_to(x, evidence.posterior.covariance))
+def seen_parts(fit: SolvedFit, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
+    """Locate bones' ends, soft tips and pads at the mean posture, with their derivatives.
+
+    Parameters
+    ----------
+    fit : SolvedFit
+        The hand.
+    x : array, shape (G,)
+        Unknowns, which may differ from the fit's.
+    offsets_mm : array, shape (D, 2, 3)
+        Soft tips and pads from the bones' ends.
+
+    Returns
+    -------
+    dict
+        By digit and part: point (3,), mm in the distal receiver's frame, and derivative (3, G + 6 D).
+
+    """
+    model = fit.model
+    places = places_of(model, fit.posterior.moved_to(x, fit.posterior.covariance))
     seen = {}
-    for i, digit in enumerate(tipped_digits(evidence)):
+    for i, digit in enumerate(tipped_digits(fit)):
         worn, last = places[receiver(digit.tip)], places[bone(digit.tip)]
-        to_receiver = evidence.convention.point_matrix(digit.tip)
+        to_receiver = fit.convention.point_matrix(digit.tip)
         length = model.length[digit.tip]
         longer = np.zeros((3, len(x)))
         longer[0] = length.row(len(x))
@@ -165,11 +211,11 @@ def _average_offsets_mm(fit: HandFit) -> Array:
     """Offsets (D, 2, 3) of soft tips and pads in a hand of this size."""
     average = {
         segment: float(length)
-        for digit in known_digits(fit.evidence.layout)
+        for digit in known_digits(fit.layout)
         for segment, length in zip(digit.segments, DIGITS[digit.name].lengths_mm, strict=True)
     }
     size = sum(fit.bones[segment].length_mm for segment in average) / max(sum(average.values()), 1.0)
-    digits = tipped_digits(fit.evidence)
+    digits = tipped_digits(fit)
     offsets = np.zeros((len(digits), len(SOFT_PARTS), 3))
     for i, digit in enumerate(digits):
         offsets[i, 0, 0] = DIGITS[digit.name].soft_tip_mm

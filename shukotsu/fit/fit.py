@@ -19,24 +19,24 @@ import numpy as np
 from shukotsu.arrays import Float
 from shukotsu.errors import InputError, count_of
 from shukotsu.fit.chain import UNMODELLED, HandModel, hand_model
-from shukotsu.fit.compiled_equations import Jacobian, pose, reduce, residuals, weighted_jacobians
+from shukotsu.fit.compiled_equations import Jacobian, pose, reduce, residuals
 from shukotsu.fit.free_joints import free_joints
 from shukotsu.fit.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
 from shukotsu.fit.measurements import Measurement, breadth, observations, planes, side_by_side
 from shukotsu.fit.normal_equations import (
+    FieldDistortion,
     Frames,
     Observations,
     Point,
     Problem,
     Reduced,
     Residuals,
-    RoomField,
     pairs,
 )
-from shukotsu.fit.posterior import Evidence, Posterior
+from shukotsu.fit.posterior import Posterior, SolvedFit
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.fit.receiver_frames import Convention, concatenate_poses, neighbours, postures, spread_frames
-from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, DigitAnatomy, prior
+from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -59,7 +59,7 @@ PSEUDO_RESIDUALS = 0.2
 unknowns are what a scale has whose logarithm differs by a half between people."""
 
 LEAST_SAMPLES = 5.0
-_NO_MOTION = 1e-12
+_LEAST_SEEN, _NO_MOTION = 5, 1e-12
 
 PSEUDO_TURNS = 100.0
 """Weight of a receiver's residual in position in that of its rotation, as of so many residuals: both grow
@@ -75,9 +75,24 @@ def prior_precision(
     covariance: Float[Array, "G G"],
     before: Float[Array, " G"],
 ) -> Float[Array, " G"]:
-    """Precision (G,) of the unknowns' priors (1: as published), one for each family.
+    """Estimate the scale of each family's prior (MacKay's fixed point; docs/whole-hand.md, section 5).
 
-    x (G,), covariance (G, G) : of the unknowns, solved with the precision `before` (G,).
+    Parameters
+    ----------
+    groups : sequence of str
+        Group of each unknown.
+    x : array, shape (G,)
+        Unknowns as solved, in units of their published sd.
+    covariance : array, shape (G, G)
+        Their covariance.
+    before : array, shape (G,)
+        Precision that they were solved with.
+
+    Returns
+    -------
+    array, shape (G,)
+        Precision of each unknown's prior; 1 as published, and for groups of no family.
+
     """
     group = np.array(groups)
     precision = np.ones(len(group))
@@ -91,31 +106,56 @@ def prior_precision(
 
 
 def independent_samples(problem: Problem, current: Residuals) -> float:
-    """Number of independent samples in frames that follow each other evenly.
+    """Estimate the number of independent samples from the autocorrelation of residuals (section 5).
 
-    From the autocorrelation of every receiver's residuals; their 25th percentile, at
-    least LEAST_SAMPLES.
+    Parameters
+    ----------
+    problem : Problem
+        Of evenly spaced frames in order of time.
+    current : Residuals
+        Where they are posed.
+
+    Returns
+    -------
+    float
+        25th percentile over receivers, in position and in rotation; at least LEAST_SAMPLES.
+
     """
     counts = []
-    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            seen = r[i, problem.frames.valid[:, s]]
-            if len(seen) < 5:
-                continue
-            for part in (seen[:, :3], seen[:, 3:]):
-                variance = float(part.var(0).sum())
-                if variance > _NO_MOTION:
-                    counts.append(effective_samples(part, variance, len(part)))
+    for s, r in problem.residuals_of(current):
+        seen = r[problem.frames.valid[:, s]]
+        for part in (seen[:, :3], seen[:, 3:]) if len(seen) >= _LEAST_SEEN else ():
+            variance = float(part.var(0).sum())
+            if variance > _NO_MOTION:
+                counts.append(effective_samples(part, variance, len(part)))
     return max(LEAST_SAMPLES, float(np.percentile(counts, 25))) if counts else LEAST_SAMPLES
 
 
 def residual_sd(
     problem: Problem, current: Residuals, jacobians: Sequence[Jacobian], reduced: Reduced, published: Array
 ) -> Array:
-    """Sd (S, 2) of every receiver's residuals, position in mm and rotation in rad.
+    """Estimate the sd of every receiver's residuals (docs/whole-hand.md, section 5).
 
-    The squares are divided by the degrees of freedom that the frame's own unknowns leave, as their leverage
-    says. jacobians : every branch's. published : (S, 2) the published ones.
+    Squares are divided by the degrees of freedom that the frame's states and root leave, one minus leverage.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was solved.
+    current : Residuals
+        At the solution.
+    jacobians : sequence of Jacobian
+        Of every branch there.
+    reduced : Reduced
+        Normal equations there, undamped.
+    published : array, shape (S, 2)
+        Published sd, mm and rad.
+
+    Returns
+    -------
+    array, shape (S, 2)
+        mm and rad per component; the published ones of receivers that were never seen.
+
     """
     out = published.copy()
     for index, ((r, weight, _), jacobian) in enumerate(zip(current.branches, jacobians, strict=True)):
@@ -168,7 +208,7 @@ NO_PRECISION = 1e-9
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Frames fitted, most steps of a solution, rounds that find priors' and residuals' scales."""
+    """Number of frames fitted, most steps of a solution, and rounds in which scales are estimated."""
 
     n_frames: int = 100
     most_steps: int = 25
@@ -176,16 +216,15 @@ class FitSettings:
 
 
 @dataclass(frozen=True)
-class HandFit:
-    """A fitted hand, its evidence, and every receiver's rms residual, mm and deg per component."""
+class HandFit(SolvedFit):
+    """A fitted hand. residual_rms : of every receiver, mm and deg per component; NaN if it was never seen."""
 
-    evidence: Evidence
     residual_rms: Mapping[str, tuple[float, float]]
 
     @cached_property
     def summary(self) -> HandSummary:
         """Joints between receivers and beside them, and the angles' axes."""
-        return summarise(self.evidence)
+        return summarise(self)
 
     @property
     def joints(self) -> Mapping[str, FittedJoint]:
@@ -195,25 +234,17 @@ class HandFit:
     @cached_property
     def bones(self) -> Mapping[str, FittedBone]:
         """Lengths of the bones, by segment."""
-        lengths = self.evidence.model.length.items()
-        return {
-            segment: FittedBone(*self.evidence.posterior.of_amount(length)) for segment, length in lengths
-        }
+        lengths = self.model.length.items()
+        return {segment: FittedBone(*self.posterior.of_amount(length)) for segment, length in lengths}
 
     @property
     def side(self) -> str:
         """Whether the hand is right or left."""
-        return "left" if self.evidence.convention.left else "right"
-
-    @property
-    def converged(self) -> bool:
-        """Whether the last round ended because nothing moved any more."""
-        return self.evidence.converged
+        return "left" if self.convention.left else "right"
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
-        """The hand with other unknowns (G,) and covariance (G, G)."""
-        evidence = replace(self.evidence, posterior=self.evidence.posterior.moved_to(x, covariance))
-        return replace(self, evidence=evidence)
+        """Return the hand with other unknowns (G,) and covariance (G, G)."""
+        return replace(self, posterior=self.posterior.moved_to(x, covariance))
 
 
 def fit_hand(
@@ -263,11 +294,11 @@ def fit_hand(
     convention = Convention.of(layout, receivers, hand)
     everything = convention.frames(concatenate_poses(recordings))
     frames, share = _choose_frames(everything, layout, convention.receivers, settings.n_frames)
-    scale = (1.0, prior.SCALE_SD)
+    scale = (1.0, PRIOR.SCALE_SD)
     if hand_length_mm is not None:
-        scale = hand_length_mm / AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH
+        scale = hand_length_mm / AVERAGE_LENGTH_MM, PRIOR.SCALE_SD_BY_LENGTH
     model = _model(layout, convention, everything, frames, scale)
-    field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
+    field = FieldDistortion.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).plus(planes(model, layout, convention, frames))
     measured = measured.plus(breadth(model, hand_breadth_mm))
     problem = _problem(model, frames, measured, field)
@@ -278,16 +309,24 @@ def fit_hand(
         point = without_noise_bias(problem, solution.point)
         solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
-    evidence = Evidence(
-        layout, model, convention, problem, posterior, posterior, share, solution.point.y, solution.converged
+    return HandFit(
+        layout,
+        model,
+        convention,
+        problem,
+        posterior,
+        alone=posterior,
+        share=share,
+        states=solution.point.y,
+        converged=solution.converged,
+        residual_rms=_residual_rms(problem, solution, model),
     )
-    return HandFit(evidence, _residual_rms(problem, solution, model))
 
 
 def _model(
     layout: Layout, convention: Convention, everything: Frames, frames: Frames, scale: tuple[float, float]
 ) -> HandModel:
-    """Lay out the chains that this layout and these recordings allow."""
+    """Lay out the chains of this layout, with the receivers and free joints that the recordings show."""
     receivers, root = convention.receivers, root_of(layout)
     seen = [receivers[i] for i in np.flatnonzero(np.any(everything.valid, axis=0))]
     of_digits = [joint for digit in known_digits(layout) for joint in digit.joints]
@@ -300,7 +339,7 @@ def _model(
 
 
 def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Mapping[str, DigitAnatomy]:
-    """Anatomy of the digits, the thumb's metacarpal facing as its receiver does."""
+    """Return the digits' anatomy; the thumb's metacarpal faces as its receiver does."""
     thumb = next((digit for digit in known_digits(layout) if digit.name == "thumb"), None)
     if thumb is None or not set(thumb.segments[:2]) <= set(receivers):
         return DIGITS
@@ -312,8 +351,8 @@ def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Ma
     return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
-def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField) -> Problem:
-    """The problem with every scale as published."""
+def _problem(model: HandModel, frames: Frames, measured: Observations, field: FieldDistortion) -> Problem:
+    """Set up the problem with all scales as published."""
     return Problem(
         branches=model.branches,
         receivers=pairs(model.branches, model.receivers),
@@ -345,11 +384,11 @@ def _solve_scales(
         samples = independent_samples(even, residuals(even, posed))  # from how residuals wander
         problem = replace(problem, temper=min(1.0, samples / len(problem.frames.valid)))
     for close in closeness[1:]:
-        point, reduced = solution.point, reduce(problem, solution.point).frames_first()
+        point, steps = solution.point, reduce(problem, solution.point)
+        reduced = steps.frames_first()
         covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
         precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
-        jacobians = weighted_jacobians(problem, point)
-        sd = residual_sd(problem, solution.residuals, jacobians, reduced, published_sd)
+        sd = residual_sd(problem, solution.residuals, steps.jacobians(), reduced, published_sd)
         held = measured.plus(side_by_side(model, point.x))
         problem = replace(problem, sd=sd, precision=precision, observations=held)
         solution = solve(problem, point, settings.most_steps, close)
@@ -359,7 +398,7 @@ def _solve_scales(
 def _choose_frames(
     frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int
 ) -> tuple[Frames, Array]:
-    """Frames to fit, and the share (F,) of the recording that each stands for."""
+    """Choose frames to fit; return them and the share (F,) of the recording that each stands for."""
     worn = int(frames.valid.any(0).sum())
     count = frames.valid.sum(1)
     enough = int(LEAST_CANDIDATES * (count >= max(2, worn / 2)).sum())
@@ -381,24 +420,34 @@ def _choose_frames(
 
 
 def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
-    """Root mean square residual of every receiver, mm and deg, per component; NaN where it was not seen."""
+    """Return every receiver's root mean square residual, mm and deg per component; NaN if it was not seen."""
     rms = {}
-    for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            seen = r[i, problem.frames.valid[:, s]].reshape(-1, 2, 3)
-            off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
-            rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
+    for s, r in problem.residuals_of(solution.residuals):
+        seen = r[problem.frames.valid[:, s]].reshape(-1, 2, 3)
+        off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
+        rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
     return rms
 
 
 def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, HandFit]:
-    """Return both fits of a person's hands, each conditioned on the other's bone lengths.
+    """Condition the fits of a person's two hands on each other's bone lengths (section 7).
 
-    Bones are of the same length, left and right. Each fit's posterior is normal (Laplace) and the lengths are
-    linear in its unknowns, so that conditioning on their difference is exactly one fit of both hands.
+    Bones are equally long left and right, but for SIDE_SD. Both posteriors are normal (Laplace) and lengths
+    are linear in the unknowns, so that conditioning on the difference equals one fit of both hands.
+
+    Parameters
+    ----------
+    first_fit, second_fit : HandFit
+        Of one person's right and left hand.
+
+    Returns
+    -------
+    tuple of HandFit
+        In the same order, with the posteriors conditioned.
+
     """
     bones = [name for name in first_fit.bones if name in second_fit.bones]
-    first, second = _lengths(first_fit.evidence, bones), _lengths(second_fit.evidence, bones)
+    first, second = _lengths(first_fit, bones), _lengths(second_fit, bones)
     difference = first[0] - second[0]
     spread = first[2] + second[2] + np.diag((SIDE_SD * first[0]) ** 2)
     pull = np.linalg.solve(spread, np.concatenate([difference[:, None], first[1], second[1]], 1))
@@ -406,30 +455,42 @@ def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, Han
     steps = -first[1].T @ pull[:, 0], second[1].T @ pull[:, 0]
     shrinks = first[1].T @ pull[:, 1 : 1 + n_one], second[1].T @ pull[:, 1 + n_one :]
     first_fit, second_fit = (
-        fit.moved_to(fit.evidence.posterior.x + step, fit.evidence.posterior.covariance - shrink)
+        fit.moved_to(fit.posterior.x + step, fit.posterior.covariance - shrink)
         for fit, step, shrink in zip((first_fit, second_fit), steps, shrinks, strict=True)
     )
     return first_fit, second_fit
 
 
-def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]:
-    """Lengths (B,), their covariance with the unknowns (B, G) and with each other (B, B)."""
-    posterior, amounts = evidence.posterior, [evidence.model.length[name] for name in bones]
+def _lengths(fit: SolvedFit, bones: list[str]) -> tuple[Array, Array, Array]:
+    """Return lengths (B,), mm, their covariance with the unknowns (B, G) and with each other (B, B)."""
+    posterior, amounts = fit.posterior, [fit.model.length[name] for name in bones]
     rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
-    rows[:, np.array(evidence.model.unknowns.groups) == UNMODELLED] = 0.0  # which both hands are off by alike
+    rows[:, np.array(fit.model.unknowns.groups) == UNMODELLED] = 0.0  # which both hands are off by alike
     lengths = np.array([amount.constant for amount in amounts]) + rows @ posterior.x
     with_unknowns = rows @ posterior.covariance
     return lengths, with_unknowns, with_unknowns @ rows.T
 
 
 def without_noise_bias(problem: Problem, point: Point) -> Point:
-    """Return the hand corrected for the bias that noise causes, with its frames posed anew.
+    """Correct a hand for the bias that noise causes where bones have no receiver (section 5, last item).
 
-    The hand that is likeliest together with the angles of every frame is too large: what is noise looks like
-    motion, and on longer bones smaller angles, which are likelier, reach as far (Neyman & Scott 1948). Bones
-    without a receiver leave room for that. So the fitted hand is measured again as it stands, with the noise
-    that it leaves and with that noise reversed, so that only what all noise has in common is left, and fitted
-    again without any other expectation than itself (the parametric bootstrap, Efron 1979).
+    The mode over the hand and the angles of all frames is too large: noise looks like motion, and with longer
+    bones smaller angles, which are likelier, explain the same motion (Neyman & Scott 1948). The bias is
+    estimated by a parametric bootstrap (Efron 1979): poses are simulated from the fitted hand with noise of
+    the residuals' sd and with its negative, so that odd orders cancel, and fitted with the hand as the prior.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was solved.
+    point : Point
+        The solution.
+
+    Returns
+    -------
+    Point
+        The corrected hand, with its frames posed again.
+
     """
     rng, shape = np.random.default_rng(0), (*problem.frames.valid.shape, 3)
     noise = rng.normal(size=(2, *shape))

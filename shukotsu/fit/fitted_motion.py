@@ -94,10 +94,10 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
         Joint angles, bones and receivers' origins in every frame; NaN in frames with too few receivers.
 
     """
-    frames = fit.evidence.convention.frames(poses)
-    sd = fit.evidence.problem.sd.copy()
-    sd[[fit.evidence.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
-    problem = replace(fit.evidence.problem, sd=sd, state_sd=np.array(fit.evidence.model.states.sd))
+    frames = fit.convention.frames(poses)
+    sd = fit.problem.sd.copy()
+    sd[[fit.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
+    problem = replace(fit.problem, sd=sd, state_sd=np.array(fit.model.states.sd))
     parts = [
         _pose_chunk(fit, problem, frames.take(slice(start, start + CHUNK_FRAMES)))
         for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)
@@ -109,12 +109,12 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     for array in (angles, position, quaternion, origins, rms):
         array[~posed] = np.nan
     return PosedHand(
-        tuple(fit.evidence.model.states.names),
+        tuple(fit.model.states.names),
         angles,
-        (root_of(fit.evidence.layout), *fit.evidence.model.length),
+        (root_of(fit.layout), *fit.model.length),
         position,
         quaternion,
-        fit.evidence.model.receivers,
+        fit.model.receivers,
         origins,
         rms,
         posed,
@@ -124,24 +124,21 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
 def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
     """Angles, bones' positions and quaternions, receivers' origins, and rms residual, of some frames."""
     problem = replace(problem, frames=frames)
-    point = pose(problem, first_guess(problem, fit.evidence.model, fit.evidence.posterior.x))
+    point = pose(problem, first_guess(problem, fit.model, fit.posterior.x))
     current = residuals(problem, point)
     marks = {
         name: (reached.rotation[mark], reached.position_mm[mark])
         for branch, (_, _, reached) in zip(problem.branches, current.branches, strict=True)
         for mark, name in enumerate(branch.marks)
     }
-    places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.evidence.model.length)]
-    bones = [fit.evidence.convention.world(*pose_there) for pose_there in places]
+    places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.model.length)]
+    bones = [fit.convention.world(*pose_there) for pose_there in places]
     rotation, position = (np.stack(parts, 1) for parts in zip(*bones, strict=True))
-    origins = np.stack(
-        [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
-    )
+    origins = np.stack([fit.convention.world(*marks[receiver(name)])[1] for name in fit.model.receivers], 1)
     total, count = np.zeros(len(current.frame_cost)), np.zeros(len(current.frame_cost))
-    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            if problem.sd[s, 0] < _UNSEEN / 1e3:
-                total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
-                count += problem.frames.valid[:, s]
+    for s, r in problem.residuals_of(current):
+        if problem.sd[s, 0] < _UNSEEN / 1e3:
+            total += (r[:, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
+            count += problem.frames.valid[:, s]
     rms_mm = np.sqrt(total / np.maximum(count, 1))
     return point.y, position, from_matrix(rotation), origins, rms_mm

@@ -29,7 +29,7 @@ from shukotsu.fit.operations import Branch, Index
 from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.fit.touches import SKIN_SD_MM
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross, matrix, multiply
@@ -106,10 +106,24 @@ class PosedErrors:
 def posed_errors(
     tips: Fingertips, posed: PosedHand, frames: Frames, reference_deg: Mapping[str, Array] | None = None
 ) -> PosedErrors:
-    """Errors of frames as `pose_hand` posed them, without what the hand's unknowns do to each.
+    """Compute the 1-sigma errors of posed frames (docs/whole-hand.md, section 8).
 
-    frames : that they were posed from. reference_deg : from which angles change; the mean of these frames if
-    none is given.
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand, with the covariance of its unknowns and soft parts.
+    posed : PosedHand
+        F frames as `pose_hand` posed them.
+    frames : Frames
+        The receivers' poses that they were posed from, of which those valid count.
+    reference_deg : mapping of str to array, shape (3, H), optional
+        Maps of the angles from which changes count (`PosedErrors`); those of the mean frame by default.
+
+    Returns
+    -------
+    PosedErrors
+        mm and degrees; `by_hand_deg` stays empty.
+
     """
     chosen, nearest = _postures(posed, frames.valid)
     few = _join_errors(
@@ -130,10 +144,10 @@ def posed_errors(
         of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
         changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
         changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + changed))
-    evidence = tips.fit.evidence
-    put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
-    root = tips.root[: len(evidence.posterior.x)]
-    anew = new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
+    fit = tips.fit
+    put_on = np.isin(fit.model.unknowns.groups, PUT_ON)
+    root = tips.root[: len(fit.posterior.x)]
+    anew = new_in_a_session(root, fit.problem.precision, put_on, _NEW_SHARE)
     in_session = {joint: _times(by_hand_deg, anew) for joint, by_hand_deg in few.by_hand_deg.items()}
     session_deg = {joint: _norms(by_hand_deg) for joint, by_hand_deg in in_session.items()}
     session_changes_deg = {
@@ -161,40 +175,57 @@ def posed_errors(
 
 
 def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
-    """Return the sd of each joint's zero, (3,); of unknown anatomy angles count from none."""
-    beside = {joint for digit in known_digits(tips.fit.evidence.layout) for joint in digit.joints[:2]}
-    joints = tips.fit.evidence.layout.joints
+    """Return the sd (3,) of each joint's zero in degrees; 0 without anatomy, where any zero will do."""
+    beside = {joint for digit in known_digits(tips.fit.layout) for joint in digit.joints[:2]}
+    joints = tips.fit.layout.joints
     return {joint: NEUTRAL_SD_DEG if joint in beside else np.zeros(3) for joint in joints}
 
 
 def _wander_deg(postures: Postures, joint: str) -> Array:
-    """Errors (F, 3) of a joint that the fit lets turn about one axis alone, as its child has no receiver.
+    """Compute the errors (F, 3), degrees, of a palm joint that the fit lets turn about a single axis.
 
-    An axis varies by some degrees as the joint turns: the further from the mean, the more of flexion is
-    abduction and rotation.
+    Its axis varies by some degrees as it turns: the farther from the mean posture, the more of the flexion
+    is abduction and rotation.
     """
-    names, evidence = postures.posed.angle_names, postures.tips.fit.evidence
+    names, fit = postures.posed.angle_names, postures.tips.fit
     out = np.zeros((len(postures.posed.posed), 3))
     if (joint, KINDS[0]) in names and (joint, KINDS[1]) not in names:
         state = names.index((joint, KINDS[0]))
-        change = postures.posed.angles_rad[:, state] - evidence.posterior.mean_states[state]
-        out[:, 1:] = np.abs(np.degrees(change) * np.sin(prior.AXIS_SD_RAD))[:, None]
+        change = postures.posed.angles_rad[:, state] - fit.posterior.mean_states[state]
+        out[:, 1:] = np.abs(np.degrees(change) * np.sin(PRIOR.AXIS_SD_RAD))[:, None]
     return out
 
 
 def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
-    """Square root (H, H) of what differs in another session, in the numbers that root (G, H) takes.
+    """Compute a square root of the covariance that is independent between two sessions of one hand.
 
-    root : of the covariance C of G unknowns; precision : (G,) of their priors. An unknown's error is the pull
-    of the priors, C L C with their precisions L, and what residuals do, the rest of C. For the same hand in
-    another session the pull on what is put on anew is another, and new_share of the residuals' part.
+    The covariance C of the unknowns has two parts: C L C, the pull of priors with precisions L, and the rest,
+    due to residuals. Independent between sessions are the pull on unknowns of how receivers were put on, and
+    a share of the part due to residuals.
+
+    Parameters
+    ----------
+    root : array, shape (G, H)
+        Square root of C.
+    precision : array, shape (G,)
+        Of the unknowns' priors.
+    put_on : array of bool, shape (G,)
+        Unknowns of how receivers were put on.
+    new_share : float
+        Share of the residuals' part that is independent.
+
+    Returns
+    -------
+    array, shape (H, H)
+        In the coordinates of the columns of root.
+
     """
     pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
     return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
 
 
 def _norms(maps: Array) -> Array:
-    """1-sigma errors (...) of numbers given as maps (..., N)."""
+    """Return the 1-sigma errors (...) of scalars whose maps are (..., N)."""
     return np.asarray(np.sqrt(np.einsum("...n,...n->...", maps, maps)))
 
 
@@ -235,14 +266,13 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
 
 
 def _errors(postures: Postures, frames: Frames) -> PosedErrors:
-    """Errors of every frame by a map of its own."""
+    """Compute the errors of every frame by a map of its own."""
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
     neutral_deg = _neutral_sd_deg(postures.tips)
-    joint_of = {joint.child: joint.name for joint in postures.tips.fit.evidence.layout.joints.values()}
+    joint_of = {joint.child: joint.name for joint in postures.tips.fit.layout.joints.values()}
     more_mm2 = [
-        3.0 * unmodelled_mm2(joint_of.get(name, ""), postures.tips.fit.evidence)
-        for name in postures.posed.bones
+        3.0 * unmodelled_mm2(joint_of.get(name, ""), postures.tips.fit) for name in postures.posed.bones
     ]
     return PosedErrors(
         np.sqrt(_norm(spread.shift_mm) ** 2 + more_mm2),
@@ -257,7 +287,7 @@ def _errors(postures: Postures, frames: Frames) -> PosedErrors:
 
 
 def _norm(maps: Array) -> Array:
-    """1-sigma error in 3-D (...) of vectors given as maps (..., 3, N)."""
+    """Return the 1-sigma errors in 3-D (...) of vectors whose maps are (..., 3, N)."""
     return np.asarray(np.sqrt(np.einsum("...in,...in->...", maps, maps)))
 
 
@@ -301,10 +331,10 @@ class Postures:
     @classmethod
     def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
         """Differentiate posed frames."""
-        evidence, turn = tips.fit.evidence, matrix(posed.bone_quaternion[:, 0])
-        root = evidence.convention.world(turn, posed.bone_position_mm[:, 0])
-        point = Point(evidence.posterior.x, posed.angles_rad, *root)
-        bones = tuple(_branch_bones(branch, point, posed.bones) for branch in evidence.model.branches)
+        fit, turn = tips.fit, matrix(posed.bone_quaternion[:, 0])
+        root = fit.convention.world(turn, posed.bone_position_mm[:, 0])
+        point = Point(fit.posterior.x, posed.angles_rad, *root)
+        bones = tuple(_branch_bones(branch, point, posed.bones) for branch in fit.model.branches)
         return cls(tips, posed, point, bones, dict(_by_turns(tips, posed, point)))
 
 
@@ -326,10 +356,8 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
 
     Its numbers are those of the hand, then six of the root and one of each state.
     """
-    evidence, point, root = postures.tips.fit.evidence, postures.point, postures.tips.root
-    problem = replace(
-        evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
-    )
+    fit, point, root = postures.tips.fit, postures.point, postures.tips.root
+    problem = replace(fit.problem, frames=frames, temper=1.0, state_sd=np.array(fit.model.states.sd))
     reduced = reduce(problem, point).frames_first()
     (n_frames, n_states), n_hand = point.y.shape, root.shape[1]
     n_numbers, by_hand, of_root = n_hand + 6 + n_states, slice(0, n_hand), slice(n_hand, n_hand + 6)
@@ -362,12 +390,12 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
 
 
 def _times(values: Array, matrix: Array) -> Array:
-    """Matrices (F, n, g), all of them at once, times one (g, N)."""
+    """Product of matrices (F, n, g) with one (g, N), as a single matrix product."""
     return (values.reshape(-1, values.shape[-1]) @ matrix).reshape(*values.shape[:-1], matrix.shape[-1])
 
 
 def _by_root(point: Point, arm_mm: Array) -> Array:
-    """Derivative (F, 6, 6) of a frame's place and rotation, that far from the root's, by the root's pose."""
+    """Derivative (F, 6, 6) of a frame's place and rotation by the root's pose, arm_mm (F, 3) away."""
     out = np.zeros((len(arm_mm), 6, 6))
     out[:, :3, :3] = out[:, 3:, 3:] = point.root
     out[:, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm_mm[:, None]).swapaxes(-1, -2)
@@ -393,7 +421,7 @@ def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str
     for joint, (a, b, by_turn, by_axes, axes_by_x) in postures.by_turn.items():
         turned = by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
         yield joint, turned + by_axes @ (axes_by_x @ spread.unknowns[: axes_by_x.shape[1]])
-    by_anatomy = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
+    by_anatomy = {name for digit in known_digits(postures.tips.fit.layout) for name in digit.joints}
     others = [name for name, _ in postures.posed.angle_names]
     for joint in dict.fromkeys(others):
         if joint not in by_anatomy:
@@ -418,16 +446,16 @@ def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -
 def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array:
     """Errors (F, D, 2) in 3-D of bones' and skin's ends, by the receiver where valid, else the bone."""
     tips, posed = postures.tips, postures.posed
-    model = tips.fit.evidence.model
+    model = tips.fit.model
     out = np.empty((len(posed.posed), len(tips.digits), 2))
     for index, (digit, tip) in enumerate(tips.digits.items()):
-        skin = 3 * SKIN_SD_MM**2 + np.trace(unshown_mm2(tip.receiver, tip.point_mm, tips.fit.evidence))
+        skin = 3 * SKIN_SD_MM**2 + np.trace(unshown_mm2(tip.receiver, tip.point_mm, tips.fit))
         seen = frames.valid[:, model.receivers.index(tip.receiver)]
         for part, covariance_mm2 in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
             carried = np.sqrt(np.trace(covariance_mm2) + skin)
-            chain = tips.fit.evidence.layout.digits[digit]
+            chain = tips.fit.layout.digits[digit]
             by_bone = _norm(_end(tips, posed, spread, chain, part))
-            by_bone = np.sqrt(by_bone**2 + 3.0 * unmodelled_mm2(chain.joints[-1], tips.fit.evidence))
+            by_bone = np.sqrt(by_bone**2 + 3.0 * unmodelled_mm2(chain.joints[-1], tips.fit))
             out[:, index, part] = np.where(seen, carried, by_bone)
     return out
 
@@ -435,19 +463,19 @@ def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array
 def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part: int) -> Array:
     """Map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (1), carried by that bone."""
     last = posed.bones.index(digit.tip)
-    n_x = len(tips.fit.evidence.posterior.x)
+    n_x = len(tips.fit.posterior.x)
     end, moved = (
         np.array([tips.fit.bones[digit.tip].length_mm, 0.0, 0.0]),
         np.zeros((3, len(spread.unknowns))),
     )
-    moved[0, :n_x] = tips.fit.evidence.model.length[digit.tip].row(n_x)
+    moved[0, :n_x] = tips.fit.model.length[digit.tip].row(n_x)
     if part:
         number = list(tips.digits).index(digit.name)
         end = end + tips.offsets_mm[number, 0]
         first = n_x + 3 * 2 * number
         moved[:, first : first + 3] += np.eye(3)
     quaternion = posed.bone_quaternion[:, last]
-    turn = tips.fit.evidence.convention.world(matrix(quaternion), posed.bone_position_mm[:, last])[0]
+    turn = tips.fit.convention.world(matrix(quaternion), posed.bone_position_mm[:, last])[0]
     arm = turn @ end
     turned = cross(spread.turn_rad[:, last].swapaxes(-1, -2), arm[:, None]).swapaxes(-1, -2)
     return spread.shift_mm[:, last] + turned + turn @ (moved @ spread.unknowns)

@@ -15,7 +15,7 @@ import numpy as np
 
 from shukotsu.fit.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
 from shukotsu.fit.measurements import MOUNT_PARTS, Measurement, observations
-from shukotsu.fit.posterior import Evidence, centre_by_unknowns, places_of
+from shukotsu.fit.posterior import SolvedFit, centre_by_unknowns, places_of
 from shukotsu.fit.posterior_summary import unmodelled_mm2, unshown_mm2
 from shukotsu.fit.touches import SKIN_SD_MM
 from shukotsu.hand.known_digits import root_of
@@ -35,13 +35,23 @@ TOUCH = "touch"
 
 
 def gains(tips: Fingertips) -> list[GainsRow]:
-    """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first.
+    """Compute what every possible measurement would gain (docs/whole-hand.md, section 11).
 
-    Only quantities and joints that receivers measure are considered.
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand, with the covariance of its unknowns and soft parts.
+
+    Returns
+    -------
+    list of GainsRow
+        Rows of table gains for bones' lengths, receivers' places and fingertips' touches, best first; only
+        quantities and joints that receivers measure.
+
     """
-    evidence = tips.fit.evidence
-    seen = np.asarray(evidence.problem.frames.valid.any(0))[None]
-    measured = measured_in(evidence.layout, evidence.model.receivers, seen)
+    fit = tips.fit
+    seen = np.asarray(fit.problem.frames.valid.any(0))[None]
+    measured = measured_in(fit.layout, fit.model.receivers, seen)
     shown = {**measured.bones, **measured.tips}
     kept = np.array([bool(measured.joints[joint][0]) for joint in tips.fit.joints], bool)
     names = [joint for joint, is_kept in zip(tips.fit.joints, kept, strict=True) if is_kept]
@@ -67,21 +77,21 @@ def gains(tips: Fingertips) -> list[GainsRow]:
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
-    """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
-    evidence = tips.fit.evidence
-    model = evidence.model
+    """List what could be measured, with which sd, and its rows (K, 3, G + 6 D) in units of that sd."""
+    fit = tips.fit
+    model = fit.model
     worn = [s for s in model.mount if s in model.receivers]
     quantities = [
         *model.length,
         *(f"{s}.{part}" for s in worn for part in MOUNT_PARTS),
         *(f"{s}.distal" for s in worn if s in model.length),
     ]
-    sds = [_realistic_sd_mm(evidence, quantity) for quantity in quantities]
+    sds = [_realistic_sd_mm(fit, quantity) for quantity in quantities]
     lengths = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]
-    digits = tipped_digits(evidence)
+    digits = tipped_digits(fit)
     rows = np.zeros((len(lengths) + len(digits), 3, len(tips.covariance)))
     rows[: len(lengths), 0, : len(model.unknowns.names)] = observations(model, lengths).rows
-    seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
+    seen = seen_parts(fit, fit.posterior.x, tips.offsets_mm)
     for k, digit in enumerate(digits, len(lengths)):
         rows[k] = seen[digit.name, TIP][1] / np.hypot(TOUCH_SD_MM, SKIN_SD_MM)
         quantities.append(f"{digit.name}.{TOUCH}")
@@ -89,12 +99,12 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
     return quantities, sds, rows
 
 
-def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
+def _realistic_sd_mm(fit: SolvedFit, quantity: str) -> float:
     """Return the sd with which a quantity can realistically be measured."""
     segment, _, part = quantity.partition(".")
-    first = {digit.segments[0] for digit in evidence.layout.digits.values()}
-    last = {digit.tip for digit in evidence.layout.digits.values()}
-    if segment == root_of(evidence.layout) or (segment in first and part in ("", "along")):
+    first = {digit.segments[0] for digit in fit.layout.digits.values()}
+    last = {digit.tip for digit in fit.layout.digits.values()}
+    if segment == root_of(fit.layout) or (segment in first and part in ("", "along")):
         return DEEP_SD_MM
     if segment in last and part in ("", "distal"):
         return float(np.hypot(MEASURED_SD_MM, TIP_SD_MM[0]))
@@ -103,14 +113,14 @@ def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
 
 def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
     """Joint centres' sd (J,) as they are, as `FittedJoint.sd_mm`, and (J, K) after each observation alone."""
-    evidence, joints, P = tips.fit.evidence, tips.fit.joints.values(), tips.covariance
-    places = places_of(evidence.model, evidence.posterior)
-    by_x = np.array([centre_by_unknowns(evidence.layout.joints[j.name], places, evidence)[1] for j in joints])
+    fit, joints, P = tips.fit, tips.fit.joints.values(), tips.covariance
+    places = places_of(fit.model, fit.posterior)
+    by_x = np.array([centre_by_unknowns(fit.layout.joints[j.name], places, fit)[1] for j in joints])
     centres = np.zeros((*by_x.shape[:2], len(P)))
     centres[..., : by_x.shape[-1]] = by_x
     halves = [((j.parent_segment, j.parent_mm), (j.child_segment, j.child_mm)) for j in joints]
-    bent = np.array([[float(np.trace(unshown_mm2(*half, evidence))) for half in both] for both in halves])
-    bent += [[3.0 * unmodelled_mm2(j.name, evidence)] for j in joints]
+    bent = np.array([[float(np.trace(unshown_mm2(*half, fit))) for half in both] for both in halves])
+    bent += [[3.0 * unmodelled_mm2(j.name, fit)] for j in joints]
     flat = centres.reshape(-1, len(P))
     variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
     PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric

@@ -37,7 +37,24 @@ _LEAST_BEND_SD_RAD = float(np.radians(12.0))
 
 
 def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
-    """Joint angles as straight receivers would show them; roots by each frame's first valid one."""
+    """Guess joint angles and roots of all frames, from which `solve` and `pose` start (section 6).
+
+    Parameters
+    ----------
+    problem : Problem
+        F frames.
+    model : HandModel
+        How a flexion shows between two receivers (`FirstGuess`).
+    x : array, shape (G,)
+        The hand's unknowns.
+
+    Returns
+    -------
+    Point
+        Angles (F, S), rad, as receivers aligned with their bones would show them; roots by each frame's
+        first valid receiver; of joints that no two receivers show the likeliest of a few bends.
+
+    """
     frames = problem.frames
     n_frames = len(frames.valid)
     y = np.tile(problem.state_mean, (n_frames, 1))
@@ -76,10 +93,10 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
 def _with_likeliest_bends(
     problem: Problem, point: Point, shown: npt.NDArray[np.bool_], may_bend: Sequence[int]
 ) -> Point:
-    """The point with the joints that no two receivers show bent as fits the digit's receivers best.
+    """Bend joints that no two receivers show so that the digit's receivers fit best.
 
-    A finger of which only the tip is seen can be bent two ways, knuckle up or knuckle down, and a solution
-    stays with the way that it begins with: so it begins with none that is bent backwards.
+    A finger of which only the tip is seen can be bent in two ways, knuckle up or knuckle down, and the
+    solution keeps the one that it starts with. Only forward bends are tried, so that none starts backwards.
 
     shown : (F, S) whether two receivers show a state; may_bend : states that are tried where none do.
     """
@@ -113,7 +130,25 @@ class Solution:
 
 
 def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE) -> Solution:
-    """Minimise the cost from a point until no step gains `close` or the steps are used up."""
+    """Minimise the cost over hand, roots and states by damped Gauss-Newton steps (section 6).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Where to start.
+    most_steps : int
+        Number of steps after which it ends in any case.
+    close : float
+        Gain in log posterior below which a step is the last.
+
+    Returns
+    -------
+    Solution
+        The last point that was accepted, its residuals, and whether steps became negligible.
+
+    """
     current = residuals(problem, point)
     damping = 1e-4
     for _ in range(most_steps):

@@ -33,14 +33,17 @@ STEP, SLIDE, FIELD = "step", "slide", "field"
 """Kinds in which a receiver may be displaced."""
 
 _UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
-"""Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
+"""Errors of the hand that anatomy expects: none are stated, as it was fitted to no data."""
 
 
 def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
-    """Rows of joint_centres, of receivers' joints first; weighed : whether the data had a say."""
-    groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
+    """Return rows of joint_centres, joints between receivers first.
+
+    weighed : whether the hand was fitted to data; otherwise no errors are stated.
+    """
+    summary = fit.summary
     rows = []
-    for joint in (joint for group in groups for joint in group.values()):
+    for joint in (summary.joints | summary.lone | summary.palm | summary.fixed).values():
         row = _joint_row(joint)
         if axes := fit.summary.angle_axes.get(joint.name):  # where angles are zero, about what they turn
             rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), axes.rest, "right")
@@ -79,7 +82,7 @@ def _joint_row(joint: FittedJoint) -> JointCentresRow:
 
 
 def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
-    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
+    """Return rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
     rows: list[BoneLengthsRow] = [
         {
             "digit": digit.name,
@@ -91,7 +94,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
             "driven_by": "",
             "message": "",
         }
-        for digit in fit.evidence.layout.digits.values()
+        for digit in fit.layout.digits.values()
         for index, segment in enumerate(digit.segments)
         if segment in fit.bones
     ]
@@ -101,17 +104,17 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
 
 
 def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
-    """Rows of receivers; unsteady : what was displaced in the calibration."""
+    """Return rows of receivers; unsteady : what was displaced in the calibration."""
     fit = tips.fit
     rows: list[ReceiversRow] = []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
     displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
-    for segment in fit.evidence.model.receivers:
+    for segment in fit.model.receivers:
         residual_mm, residual_deg = fit.residual_rms[segment]
         row: ReceiversRow = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
         columns: Any = {}
-        for name, amount in zip(MOUNT_PARTS, fit.evidence.model.mount.get(segment, ()), strict=False):
-            columns[f"{name}_mm"], columns[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
+        for name, amount in zip(MOUNT_PARTS, fit.model.mount.get(segment, ()), strict=False):
+            columns[f"{name}_mm"], columns[f"{name}_sd_mm"] = fit.posterior.of_amount(amount)
         row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
         if not np.isfinite(residual_mm):
             row |= {"status": "failed", "message": "no valid pose in the calibration"}
@@ -162,7 +165,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
     field = unsteady.displaced.field
     if field is None:
         return {}
-    source_mm = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
+    source_mm = fit.convention.world(np.eye(3), field.nearest)[1]
     columns: dict[str, ReceiversRow] = {}
     for segment, error in unsteady.field_errors.items():
         row: ReceiversRow = {
@@ -184,7 +187,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
 def moved_rows(
     layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]
 ) -> list[MovedReceiversRow]:
-    """Rows of moved_receivers of one recording, one per receiver: start of its first move, sum of all."""
+    """Return rows of moved_receivers, one a receiver: start of its first displacement, sum of all."""
     rows: list[MovedReceiversRow] = []
     for segment in dict.fromkeys(receiver.segment for receiver in moved):
         moves = [receiver for receiver in moved if receiver.segment == segment]
@@ -208,14 +211,14 @@ def moved_rows(
 
 
 def joints_beside(layout: Layout, segment: str) -> list[str]:
-    """Joints whose angles hang on a segment's receiver; those under a bone without one among them."""
+    """Return joints whose angles depend on a segment's receiver, also through bones without a receiver."""
     beside = [joint for joint in layout.joints.values() if segment in (joint.parent_receiver, joint.child)]
     bare = {joint.parent for joint in beside if not layout.segments[joint.parent].measured}
     return [joint.name for joint in layout.joints.values() if joint in beside or joint.child in bare]
 
 
 def digits_carried(layout: Layout, segment: str) -> list[str]:
-    """Digits whose tips, in the hand, hang on a segment's receiver."""
+    """Return digits whose tips, relative to the hand, depend on a segment's receiver."""
     return [digit.name for digit in layout.digits.values() if segment in (digit.tip, digit.base)]
 
 

@@ -1,4 +1,4 @@
-"""Leave out of a calibration where receivers were displaced in it: only what makes centres worse.
+"""Leave out the frames of a calibration in which receivers were displaced, where they make centres worse.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.fit.field_test import Field
+from shukotsu.fit.field_test import Disturbance
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, recording_of_rows
 from shukotsu.fit.receiver_frames import concatenate_poses
@@ -46,7 +46,24 @@ class Unsteady:
 
 
 def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Displaced) -> list[Poses]:
-    """The recordings, each receiver valid where it sat longest, and where the field was undisturbed."""
+    """Make displaced receivers not valid, so that each is left in the place where it sat longest.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand as fitted to all frames.
+    recordings : sequence of Poses
+        What it was fitted to.
+    displaced : Displaced
+        What was displaced in them.
+
+    Returns
+    -------
+    list of Poses
+        The recordings, with receivers not valid elsewhere, and where a disturbed field harms (unless that
+        were more than half of a receiver's frames).
+
+    """
     recording, valid = recording_of_rows(recordings), concatenate_poses(recordings).valid.copy()
     for segment in {receiver.segment for receiver in displaced.loose}:
         moves = [receiver for receiver in displaced.loose if receiver.segment == segment]
@@ -87,7 +104,7 @@ def is_elsewhere(before: HandFit, after: HandFit) -> bool:
     return False
 
 
-def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Field | None) -> dict[str, Array]:
+def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance | None) -> dict[str, Array]:
     """The largest error (6,), mm and rad, of a disturbed field at each receiver that it reaches."""
     if field is None:
         return {}
@@ -101,15 +118,15 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Field | None)
     }
 
 
-def _errors(fit: HandFit, recordings: Sequence[Poses], field: Field) -> Array:
+def _errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance) -> Array:
     """The field's error (T, S, 6) at every receiver of the recordings, as they name them."""
     position = concatenate_poses(recordings).position_mm
-    error = field.at(fit.evidence.convention.world(np.eye(3), position)[1])
+    error = field.at(fit.convention.world(np.eye(3), position)[1])
     return np.where(np.isfinite(error), error, 0.0)
 
 
 def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
-    """Return how far (T, 6) a receiver sits from its first place in every row of all recordings."""
+    """Return the offset (T, 6) of a receiver from its first place in every row of all recordings."""
     first_row = np.cumsum([0, *(len(poses.frame) for poses in recordings)])
     row = np.arange(first_row[-1])
     way = np.zeros((len(row), 6))

@@ -1,4 +1,4 @@
-"""What expectation pulls each bone's length: by how much every unknown of the hand, were it off by one sd.
+"""The priors' pull on each bone's length: the error that one sd of every unknown of the hand causes.
 
 An estimate of unknowns whose priors have the precision L, from data of information F, has the covariance C =
 (F + L)^-1. Its error is the pull of the priors, -C L x of unknowns x, and what noise did, of covariance
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.fit.posterior import Evidence
+from shukotsu.fit.posterior import SolvedFit
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import LengthPullsRow
@@ -23,15 +23,27 @@ LEAST_SHARE = 0.01
 """Share of a length's sd that an unknown pulls by at least, to have a row."""
 
 
-def pull_rows(evidence: Evidence) -> list[LengthPullsRow]:
-    """Rows of length_pulls, by the hand's own recordings alone; none of a bone that a calliper measured."""
+def pull_rows(fit: SolvedFit) -> list[LengthPullsRow]:
+    """Compute the pulls a C L^1/2 of priors on lengths (docs/whole-hand.md, section 8).
+
+    Parameters
+    ----------
+    fit : SolvedFit
+        The hand; its posterior before the other hand and touches counts.
+
+    Returns
+    -------
+    list of LengthPullsRow
+        Rows of table length_pulls, mm, for pulls above LEAST_SHARE; none of a bone that a calliper measured.
+
+    """
     rows: list[LengthPullsRow] = []
-    alone, unknowns = evidence.alone, evidence.model.unknowns
-    for bone, amount in evidence.model.length.items():
+    alone, unknowns = fit.alone, fit.model.unknowns
+    for bone, amount in fit.model.length.items():
         row = amount.row(len(alone.x))
         mm, sd_mm = alone.of_amount(amount)
-        pulls_mm = row @ alone.covariance * np.sqrt(evidence.problem.precision)
-        if evidence.problem.observations.rows[:, unknowns.names.index(f"{bone} length")].any():
+        pulls_mm = row @ alone.covariance * np.sqrt(fit.problem.precision)
+        if fit.problem.observations.rows[:, unknowns.names.index(f"{bone} length")].any():
             continue
         rows += [
             {

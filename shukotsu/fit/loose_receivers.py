@@ -18,12 +18,12 @@ import numpy as np
 from shukotsu.fit.chain import HandModel
 from shukotsu.fit.compiled_equations import pose, residuals
 from shukotsu.fit.displacement_test import MOMENTS, Displacement, ScoreTest
-from shukotsu.fit.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
+from shukotsu.fit.field_test import LEAST_FIELD_GAIN, Disturbance, likeliest_field
 from shukotsu.fit.fit import FAMILIES, HandFit
 from shukotsu.fit.gauss_newton import NEARLY, first_guess, solve
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, Residuals
 from shukotsu.fit.operations import Index
-from shukotsu.fit.posterior import Evidence
+from shukotsu.fit.posterior import SolvedFit
 from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -103,26 +103,38 @@ class Displaced:
     """Receivers that came loose or slid, in order of time; or a disturbed field instead."""
 
     loose: Sequence[LooseReceiver] = ()
-    field: Field | None = None
+    field: Disturbance | None = None
 
 
 def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
-    """Find what was displaced in the recordings that a hand was fitted to, in the order in which they were
-    made.
+    """Find what was displaced in the recordings that a hand was fitted to (docs/whole-hand.md, section 11).
 
-    Also one put back elsewhere between two of them, at the first frame of the second. Only receivers on bones
-    of known anatomy are tested: elsewhere skin would be called loose. Where the field is disturbed none is:
-    what it leaves over is not told from it.
+    A receiver that was put back elsewhere between two recordings counts as displaced at the first frame of
+    the second. Only receivers on bones of known anatomy are tested: elsewhere skin motion would be taken for
+    a loose receiver. Where the field is disturbed no receiver is reported, as the two cannot be separated.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    recordings : sequence of Poses
+        What it was fitted to, in the order in which they were made.
+
+    Returns
+    -------
+    Displaced
+        Loose receivers in order of time, or a disturbed field.
+
     """
     poses = concatenate_poses(recordings)
     n_even = min(EVEN_FRAMES, len(poses.frame))
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, n_even).round().astype(int))
-    problem, point = _pose_frames(fit, fit.evidence.convention.frames(poses.take(rows)))
-    tested = Tested.of(fit.evidence)
+    problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
+    tested = Tested.of(fit)
     field, gain = likeliest_field(problem, point)
     if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
         return Displaced(field=field)
-    model, start = fit.evidence.model, list[Displacement]()
+    model, start = fit.model, list[Displacement]()
     skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
     if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
         problem = replace(problem, precision=np.ones(len(problem.precision)))
@@ -133,21 +145,33 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
 
 
 def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
-    """Find receivers that sit elsewhere in a recording than where the hand was fitted: all along, or from a
-    frame on.
+    """Find receivers that sit elsewhere in a recording than in the calibration, throughout or from a frame.
 
-    The recording is held against the fitted hand, as uncertain as it is. Where what is left, with them put
-    back, is rather a disturbed field, none is named.
+    The recording is compared with the fitted hand and its covariance. No receiver is reported where, after
+    they are put back, a disturbed field explains the remaining residuals.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand; its posterior is the prior here.
+    poses : Poses
+        Another recording of the same receivers.
+
+    Returns
+    -------
+    list of LooseReceiver
+        In order of time; empty in recordings of less than `MOMENTS` frames.
+
     """
     if len(poses.frame) < MOMENTS:
         return []
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, EVEN_FRAMES).round().astype(int))
-    problem, point = _pose_frames(fit, fit.evidence.convention.frames(poses.take(rows)))
-    posterior = fit.evidence.posterior
+    problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
+    posterior = fit.posterior
     root = np.linalg.cholesky(np.linalg.inv(posterior.covariance)).T
     calibrated = Observations(root, root @ posterior.x)
     problem = replace(problem, precision=np.zeros(len(posterior.x)), observations=calibrated)
-    tested = replace(Tested.of(fit.evidence), calibrated=True)
+    tested = replace(Tested.of(fit), calibrated=True)
     put_back, displaced = _search(problem, point, [], tested)
     if not displaced:
         return []
@@ -182,16 +206,16 @@ def _loose(
             Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]))
             for row in (first, last)
         )
-        loose.append(LooseReceiver(fit.evidence.model.receivers[moved.receiver], start, end, moved.step))
+        loose.append(LooseReceiver(fit.model.receivers[moved.receiver], start, end, moved.step))
     return sorted(loose, key=lambda receiver: (receiver.start.recording, receiver.start.frame))
 
 
 @dataclass(frozen=True)
 class Tested:
-    """Receivers that are tested, and how far (S, 2), mm and rad, each may go with nothing loose.
+    """Receivers that are tested for displacement.
 
-    calibrated : whether the hand is known from other recordings, and a receiver may have sat elsewhere all
-    along.
+    normal : (S, 2) mm and rad by which skin alone may displace each. calibrated : whether the hand is known
+    from other recordings, in which case a receiver may have sat elsewhere throughout this one.
     """
 
     receivers: tuple[int, ...]
@@ -199,12 +223,12 @@ class Tested:
     calibrated: bool = False
 
     @classmethod
-    def of(cls, evidence: Evidence) -> Tested:
+    def of(cls, fit: SolvedFit) -> Tested:
         """Return those over bones of known anatomy."""
-        names, metacarpals = evidence.model.receivers, {d.segments[0] for d in known_digits(evidence.layout)}
+        names, metacarpals = fit.model.receivers, {d.segments[0] for d in known_digits(fit.layout)}
         kinds = ["metacarpal" if name in metacarpals else "phalanx" for name in names]
-        kinds[names.index(root_of(evidence.layout))] = "palm"
-        over_bones = tuple(s for s, name in enumerate(names) if name in evidence.model.mount)
+        kinds[names.index(root_of(fit.layout))] = "palm"
+        over_bones = tuple(s for s, name in enumerate(names) if name in fit.model.mount)
         return cls(over_bones, np.array([NORMAL[kind] for kind in kinds]))
 
     def scored(self, problem: Problem, point: Point, only: Sequence[int] = ()) -> ScoreTest:
@@ -219,12 +243,11 @@ def recording_of_rows(recordings: Sequence[Poses]) -> Index:
 
 
 def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
-    """The problem on these frames, residuals weighed as they scatter: a loose receiver made its own large."""
-    evidence = fit.evidence
-    samples = evidence.problem.temper * len(evidence.problem.frames.valid)
+    """Pose these frames, with residual sds from their scatter: a loose receiver inflates its fitted one."""
+    samples = fit.problem.temper * len(fit.problem.frames.valid)
     temper = min(1.0, samples / len(frames.valid))
-    problem = replace(evidence.problem, frames=frames, temper=temper)
-    point = pose(problem, first_guess(problem, evidence.model, evidence.posterior.x), _POSING_STEPS)
+    problem = replace(fit.problem, frames=frames, temper=temper)
+    point = pose(problem, first_guess(problem, fit.model, fit.posterior.x), _POSING_STEPS)
     problem = replace(problem, sd=_momentary_sd(problem, residuals(problem, point)))
     return problem, pose(problem, point, _POSING_STEPS)
 
@@ -233,23 +256,22 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
     """Sd (S, 2) of residuals from their differences, no larger than the problem's own."""
     sd = problem.sd.copy()
     lag = max(1, len(problem.frames.valid) // 30)
-    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            both = problem.frames.valid[lag:, s] & problem.frames.valid[:-lag, s]
-            if both.any():
-                squares = ((r[i, lag:] - r[i, :-lag])[both].reshape(-1, 2, 3) ** 2).sum(-1)
-                scatter = np.sqrt(np.median(squares, axis=0) / _MEDIAN_OF_SQUARES / 2)
-                sd[s] *= np.clip(scatter, 0.3, 1.0)
+    for s, r in problem.residuals_of(current):
+        both = problem.frames.valid[lag:, s] & problem.frames.valid[:-lag, s]
+        if both.any():
+            squares = ((r[lag:] - r[:-lag])[both].reshape(-1, 2, 3) ** 2).sum(-1)
+            scatter = np.sqrt(np.median(squares, axis=0) / _MEDIAN_OF_SQUARES / 2)
+            sd[s] *= np.clip(scatter, 0.3, 1.0)
     return sd
 
 
 def _uncover(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """Return where to begin and what is displaced there, if that is likelier than nothing being displaced.
+    """Return a start with displaced receivers in it, if that is likelier than a start without any.
 
-    skinless : the problem in which it is looked for. Joint angles that jump with a loose receiver let skin in
-    proportion to them make up for it, until no residual is left: a skin that nobody has.
+    skinless : the problem without skin motion. Joint angles jump when a receiver comes loose, so that
+    implausibly large skin motion in proportion to them can absorb the displacement and leave no residual.
     """
     start = pose(skinless, first_guess(skinless, model, np.zeros(len(point.x))), _POSING_STEPS)
     start = solve(skinless, start, _BARE_STEPS, NEARLY).point
@@ -289,7 +311,7 @@ def _cost(refined: tuple[Problem, Point, Sequence[Displacement]]) -> float:
 def _leave_out_explained(
     problem: Problem, tested: Tested, point: Point, displaced: list[Displacement]
 ) -> tuple[list[Displacement], Array]:
-    """Leave out what later ones explain; give also x with all receivers put back."""
+    """Drop displacements that later ones explain; return the others, and x with all receivers put back."""
     for moved in displaced if len(displaced) > 1 else ():
         others = [other for other in displaced if other is not moved]
         corrected, start, refined = _refine(problem, point, tested, others)
@@ -305,34 +327,35 @@ def _refine(
     displaced: Sequence[Displacement],
     rivals: Sequence[Displacement] = (),
 ) -> tuple[Problem, Point, list[Displacement]]:
-    """The problem with these put back, the hand and them, solved for; rivals : judged by the same frames."""
-    refined = list(displaced)
-    for is_last in [False] * _REFINEMENTS + [True]:
+    """Solve for the hand and these displacements by turns; return the corrected problem, point and them.
+
+    rivals : displacements that are compared with these, and therefore by the same frames.
+    """
+    refined, corrected = list(displaced), problem
+    for refinement in range(_REFINEMENTS + 1):
+        if refinement:
+            test = tested.scored(corrected, point, [moved.receiver for moved in refined])
+            refined = [test.refined(moved) for moved in refined]
         frames = _certain(_put_back(problem.frames, refined), [*refined, *rivals])
         corrected = replace(problem, frames=frames)
         if tested.calibrated:
             point = pose(corrected, point, _POSING_STEPS)
         else:
             point = solve(corrected, point, _SOLVING_STEPS, NEARLY).point
-        if not is_last:
-            test = tested.scored(corrected, point, [moved.receiver for moved in refined])
-            refined = [test.refined(moved) for moved in refined]
     return corrected, point, refined
 
 
 def _add_displacement(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
     """The displacements with another one added; a remainder of a known displacement is merged into it."""
     for i, earlier in enumerate(displaced):
-        if (
-            earlier.receiver == new.receiver
-            and max(abs(earlier.start - new.start), abs(earlier.end - new.end)) <= _SAME_MOMENT
-        ):
+        later = max(abs(earlier.start - new.start), abs(earlier.end - new.end))
+        if earlier.receiver == new.receiver and later <= _SAME_MOMENT:
             return [*displaced[:i], replace(earlier, step=earlier.step + new.step), *displaced[i + 1 :]]
     return [*displaced, new]
 
 
 def _put_back(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
-    """The frames as they were measured had the receivers stayed in their places."""
+    """Return the frames as they would have been measured had the receivers stayed in place."""
     rotation, position = frames.rotation.copy(), frames.position_mm.copy()
     for moved in displaced:
         s, step = moved.receiver, moved.share(len(rotation))[:, None] * moved.step
@@ -342,7 +365,7 @@ def _put_back(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
 
 
 def _certain(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
-    """The frames without the displaced receivers where it is not certain whether they had moved yet."""
+    """Make displaced receivers not valid in the few frames in which they may or may not have moved yet."""
     valid = frames.valid.copy()
     for moved in displaced:
         if not moved.slides:
@@ -360,11 +383,11 @@ def _exact_row(
     displaced: Displacement,
     others: Sequence[Displacement],
 ) -> int:
-    """The first row at which a receiver is rather displaced; rows : (F,) the even frames."""
+    """Find the first row from which a displaced receiver is likelier; rows : (F,) of the even frames."""
     first = rows[max(0, displaced.start - _SAME_MOMENT)]
     last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
-    frames = fit.evidence.convention.frames(poses.take(near))
+    frames = fit.convention.frames(poses.take(near))
     before, costs = [], []
     for other in others:  # of the even frames, among the near ones
         moments = (np.interp(moment, np.arange(len(rows)), rows) for moment in (other.start, other.end))
@@ -372,7 +395,7 @@ def _exact_row(
         before.append(replace(other, start=int(start), end=int(stop)))
     for put_back in (before, [*before, replace(displaced, start=0, end=0)]):
         dense = replace(problem, frames=_put_back(frames, put_back))
-        point = pose(dense, first_guess(dense, fit.evidence.model, x), _POSING_STEPS)
+        point = pose(dense, first_guess(dense, fit.model, x), _POSING_STEPS)
         costs.append(residuals(dense, point).frame_cost)
     excess = np.concatenate([[0.0], np.cumsum(costs[0] - costs[1])])  # more with the receiver put back
     return int(near[min(int(np.argmin(excess)), len(near) - 1)])

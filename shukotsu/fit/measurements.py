@@ -16,13 +16,13 @@ from shukotsu.fit.chain import HandModel
 from shukotsu.fit.chain_builder import Amount
 from shukotsu.fit.normal_equations import Frames, Observations
 from shukotsu.fit.receiver_frames import Convention
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, unit
 from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.verdict import LEAST_KNUCKLES_MM
 
-PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
+PLANE_SD_MM, PLANE_SD_RAD = PRIOR.MOUNT_SD_MM[1], PRIOR.MOUNT_TURN_SD_RAD
 """Sd of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
 which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
 
@@ -33,7 +33,7 @@ MOUNT_PARTS = ("along", "lateral", "height")
 """Parts of a receiver's place on its bone: x, y, z of the bone."""
 
 _TURNS = 0.1
-"""Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""
+"""Share of the largest singular value below which a direction counts as not determined by the motion."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,26 @@ def measurable(layout: Layout) -> list[str]:
 
 
 def observations(model: HandModel, measurements: Sequence[Measurement]) -> Observations:
-    """Measurements as linear observations of the unknowns; InputError where one names nothing known."""
+    """Express measurements as linear observations H x = z of the unknowns (section 5).
+
+    Parameters
+    ----------
+    model : HandModel
+        The hand, whose lengths and receivers' places are amounts linear in x.
+    measurements : sequence of Measurement
+        In mm, each with its sd.
+
+    Returns
+    -------
+    Observations
+        A row a measurement, in units of its sd.
+
+    Raises
+    ------
+    InputError
+        Where one names neither a bone nor a receiver's place.
+
+    """
     rows, values = [], []
     for measured in measurements:
         amount = _amount(model, measured.quantity)
@@ -72,15 +91,29 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
 
 
 def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
-    """Breadth over skin: the knuckles of index and little finger, and flesh that grows with the hand."""
+    """Observe the hand's breadth: the span of index and little finger's knuckles, and flesh that scales.
+
+    Parameters
+    ----------
+    model : HandModel
+        The hand.
+    breadth_mm : float or None
+        Over skin, across the knuckles.
+
+    Returns
+    -------
+    Observations
+        One row, or none where the breadth was not measured.
+
+    """
     if breadth_mm is None or not model.length:
         return Observations.of([], [], len(model.unknowns.names))
-    over_skin = model.scale.times(prior.AVERAGE_BREADTH_MM)
+    over_skin = model.scale.times(PRIOR.AVERAGE_BREADTH_MM)
     if {"index", "little"} <= {*model.knuckles}:
         span = _apart(model, "index", "little")
         over_skin = over_skin.plus(model.scale.times(-span.constant / model.scale.constant)).plus(span)
-    row = over_skin.row(len(model.unknowns.names)) / prior.BREADTH_SD_MM
-    return Observations.of([row], [(breadth_mm - over_skin.constant) / prior.BREADTH_SD_MM], len(row))
+    row = over_skin.row(len(model.unknowns.names)) / PRIOR.BREADTH_SD_MM
+    return Observations.of([row], [(breadth_mm - over_skin.constant) / PRIOR.BREADTH_SD_MM], len(row))
 
 
 def side_by_side(model: HandModel, x: Array) -> Observations:
@@ -107,7 +140,25 @@ def _apart(model: HandModel, first: str, second: str) -> Amount:
 
 
 def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
-    """Hinges without anatomy lie near their plane in the child's frame: nothing else says where."""
+    """Hold hinges without anatomy near the layout's plane, as motion leaves open where on its axis one lies.
+
+    Parameters
+    ----------
+    model : HandModel
+        The hand.
+    layout : Layout
+        Planes of the joints.
+    convention : Convention
+        Of the receivers' frames.
+    frames : Frames
+        From which a hinge's distance from its receiver is estimated: the sd grows with it.
+
+    Returns
+    -------
+    Observations
+        A row for each hinge that has a plane.
+
+    """
     rows, values, n_unknowns = [], [], len(model.unknowns.names)
     for name, centre in model.centres_in_child.items():
         joint = layout.joints[name]

@@ -11,7 +11,7 @@ On paper: docs/whole-hand.md, sections 4 to 6.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from shukotsu.arrays import Float
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.operations import Branch, Index, Reached
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import Array, exp_rotation
 
 _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
@@ -29,11 +29,20 @@ _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
 
 
 @dataclass(frozen=True)
-class RoomField:
-    """The unknowns (12,) of a room's field: a turn about three axes, and how it grows along three more each.
+class FieldDistortion:
+    """Smooth distortion of a room's field, which turns what is measured by an angle that varies in space.
 
-    centre_mm : (3,) where the turn is that which all have in common; reach_mm : how far from there it grows,
-    which is where receivers were.
+    B(t) of docs/whole-hand.md, section 4.
+
+    Parameters
+    ----------
+    unknowns : array, shape (12,)
+        Indices into x of the turn about three axes, and of its slope along three more for each.
+    centre_mm : array, shape (3,)
+        Middle of the receivers' places, where the slope adds nothing.
+    reach_mm : float
+        Distance from there beyond which the turn grows no more: that of the farthest receiver.
+
     """
 
     unknowns: Index
@@ -41,8 +50,8 @@ class RoomField:
     reach_mm: float
 
     @classmethod
-    def among(cls, unknowns: Unknowns, places_mm: Array) -> RoomField:
-        """Add the field's unknowns to a hand's; places_mm : (N, 3) where receivers were."""
+    def among(cls, unknowns: Unknowns, places_mm: Array) -> FieldDistortion:
+        """Add the field's unknowns to a hand's; places_mm : (N, 3) of receivers, transmitter frame."""
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
         near = places_mm
@@ -57,7 +66,7 @@ class RoomField:
         out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
         slope = self._slope(position_mm)
         for axis in range(3):
-            out[..., axis, axis] = prior.FIELD_TURN_SD_RAD
+            out[..., axis, axis] = PRIOR.FIELD_TURN_SD_RAD
             out[..., axis, 3 + 3 * axis : 6 + 3 * axis] = slope
         return out
 
@@ -65,21 +74,21 @@ class RoomField:
         """Derivative (..., 3) of each axis of the turn by the unknowns of its growth, at places (..., 3)."""
         off_mm = position_mm - self.centre_mm
         far = np.linalg.norm(off_mm, axis=-1, keepdims=True) / max(self.reach_mm, 1.0)
-        return np.asarray(prior.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
+        return np.asarray(PRIOR.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
 
     def turn(self, position_mm: Array, x: Array) -> Array:
-        """Return the field's rotations (..., 3, 3) of what is measured at places (..., 3); x : (G,)."""
+        """Return rotations (..., 3, 3) by which the field turns receivers at places (..., 3)."""
         turn, slopes = np.split(x[self.unknowns], [3])
         return exp_rotation(
-            prior.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
+            PRIOR.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
         )
 
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
-        """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
+        """Return rotations (..., 3, 3) as they would be measured without the distortion; x : (G,)."""
         return np.asarray(self.turn(position_mm, -x) @ rotation)
 
 
-Rows = Index | npt.NDArray[np.bool_] | slice
+FrameSelection = Index | npt.NDArray[np.bool_] | slice
 
 HUBER = 3.55
 """Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
@@ -93,7 +102,7 @@ class Frames:
     position_mm: Array
     valid: npt.NDArray[np.bool_]
 
-    def take(self, rows: Rows) -> Frames:
+    def take(self, rows: FrameSelection) -> Frames:
         """Return some of the frames."""
         return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
 
@@ -107,7 +116,7 @@ class Point:
     root: Array
     root_mm: Array
 
-    def take(self, rows: Rows) -> Point:
+    def take(self, rows: FrameSelection) -> Point:
         """Return some of the frames."""
         return Point(self.x, self.y[rows], self.root[rows], self.root_mm[rows])
 
@@ -152,7 +161,7 @@ class Problem:
     precision: Array
     observations: Observations
     state_link: Array | None = None
-    field: RoomField | None = None
+    field: FieldDistortion | None = None
 
     def unknowns_of(self, index: int) -> Index:
         """Indices into x of what moves the receivers of a branch, or how they are measured."""
@@ -164,6 +173,11 @@ class Problem:
         if self.field is None:
             return self.frames.rotation
         return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
+
+    def residuals_of(self, current: Residuals) -> Iterator[tuple[int, Array]]:
+        """Yield the number of each receiver that is fitted, and its residuals (F, 6)."""
+        for receivers, branch in zip(self.receivers, current.branches, strict=True):
+            yield from ((s, r) for (_, s), r in zip(receivers, branch.r, strict=True))
 
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
         """Square root (s, s) of the precision of those states' priors."""
@@ -206,7 +220,7 @@ def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
 
 
 def log_rotation(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
-    """Rotation vectors (..., 3) of rotation matrices, accurate for small ones, fit up to nearly pi."""
+    """Rotation vectors (..., 3), rad, of rotation matrices; accurate for small angles and up to nearly pi."""
     v = axial_vector(rotation) / 2
     sine = np.linalg.norm(v, axis=-1)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
@@ -245,7 +259,23 @@ class Reduced:
 
 
 def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Array:
-    """Derivative (S, G) of the weighted mean of the states over frames, as the unknowns of the hand move."""
+    """Compute how the mean posture moves with the hand's unknowns, by back substitution (section 7).
+
+    Parameters
+    ----------
+    problem : Problem
+        What was solved.
+    reduced : Reduced
+        Its normal equations at the solution, undamped.
+    weights : array, shape (F,)
+        Share of each frame in the mean.
+
+    Returns
+    -------
+    array, shape (S, G)
+        Derivative of the mean states, rad per unit of an unknown.
+
+    """
     G = reduced.matrix.shape[0]
     d_root = -(reduced.root_inverse.swapaxes(-1, -2) @ reduced.root_by_x)
     out = np.zeros((len(problem.state_mean), G))
@@ -258,7 +288,7 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
 
 
 def pairs(branches: Sequence[Branch], names: Sequence[str]) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Per branch the marks that are receivers, with their places in `names`."""
+    """Return of each branch the marks that are receivers, as pairs of mark and index into `names`."""
     numbers = {f"receiver {name}": i for i, name in enumerate(names)}
     return tuple(
         tuple((mark, numbers[name]) for mark, name in enumerate(branch.marks) if name in numbers)

@@ -80,9 +80,9 @@ class Reached:
 class Branch:
     """A chain of steps from the root with its side branches, ready to be evaluated.
 
-    marks : names. unknowns : indices into x, states : into y, of those that occur. plan : what is done in
-    turn, with the number of the operation or mark, and its constant. upstream : (M, O) which operations a
-    mark follows.
+    marks : names. unknowns : indices into x, states : into y, of those that occur. plan : steps in order,
+    each with the number of its operation or mark, and its constant. upstream : (M, O) which operations come
+    before a mark.
     """
 
     def __init__(self, steps: Sequence[Step]) -> None:
@@ -159,7 +159,21 @@ class Branch:
         return np.asarray(by_state)
 
     def by_operation(self, reached: Reached, marks: Sequence[int]) -> Array:
-        """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation."""
+        """Differentiate marks' poses by the operations' amounts (docs/whole-hand.md, section 2).
+
+        Parameters
+        ----------
+        reached : Reached
+            Of this branch.
+        marks : sequence of int
+            Numbers of M marks.
+
+        Returns
+        -------
+        array, shape (M, F, 6, O)
+            Three rows of position, mm, and three of rotation, rad, in the root's frame.
+
+        """
         out = np.zeros((len(marks), reached.axis.shape[1], 6, len(self._rotates)))
         for i, mark in enumerate(marks):
             turning, sliding = (self.upstream[mark] & self._rotates, self.upstream[mark] & ~self._rotates)

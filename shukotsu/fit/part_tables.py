@@ -89,15 +89,16 @@ def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], 
     """Fit one skeleton and write its rows of every table; fits : see `calibrated_hand`."""
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
+    note = {"note": alone} if alone else {}
     if alone:
         print(f"note: {alone}", file=sys.stderr)
     tips, unsteady = calibrated_hand(plan, part, partner, fits)
     weighed = not plan.models[part.model].is_reference
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
-    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **note)
     tables["gains"].rows(part, gains(tips) if weighed else [])
-    tables["length_pulls"].rows(part, pull_rows(tips.fit.evidence) if weighed else [])
+    tables["length_pulls"].rows(part, pull_rows(tips.fit) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
@@ -153,17 +154,17 @@ def posed_blocks(
     fit, name = tips.fit, recording_name(path)
     step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
     first, reference_deg = 0, None
-    for recorded in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
+    for recorded in pose_blocks(path, fit.layout.measured, BLOCK_FRAMES):
         valid = recorded.valid.copy()
         for receiver in moved:
             valid[recorded.frame >= receiver.start.frame, recorded.index(receiver.segment)] = False
         poses = replace(recorded, valid=valid)
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
         ends_mm = _ends_mm(tips, posed, poses)
-        frames = fit.evidence.convention.frames(poses)
+        frames = fit.convention.frames(poses)
         errors = posed_errors(tips, posed, frames, reference_deg)
         reference_deg = errors.reference_deg
-        for digit in () if calibrates else known_digits(fit.evidence.layout):
+        for digit in () if calibrates else known_digits(fit.layout):
             flexion_deg = errors.angles_deg[digit.joints[-1]][:, 0]
             flexion_deg[:] = np.hypot(flexion_deg, UNSEEN_TURN_DEG)
         block = {
@@ -172,8 +173,9 @@ def posed_blocks(
             "posed_tips": tip_columns(name, fit, posed, poses, left_out, ends_mm, errors),
         }
         for receiver in moved:
-            layout, since = fit.evidence.layout, poses.frame >= receiver.start.frame
-            joints, digits = (of(layout, receiver.segment) for of in (joints_beside, digits_carried))
+            layout, since = fit.layout, poses.frame >= receiver.start.frame
+            joints = joints_beside(layout, receiver.segment)
+            digits = digits_carried(layout, receiver.segment)
             _forget(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
             _forget(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
         _forget_unmeasured(block, fit, poses)
@@ -183,8 +185,8 @@ def posed_blocks(
 
 def _forget_unmeasured(block: Mapping[str, Columns], fit: HandFit, poses: Poses) -> None:
     """Make null what no receiver of the fit shows."""
-    valid = poses.valid & np.isin(poses.segments, fit.evidence.model.receivers)
-    measured, posed = measured_in(fit.evidence.layout, poses.segments, valid), valid.sum(1) >= LEAST_RECEIVERS
+    valid = poses.valid & np.isin(poses.segments, fit.model.receivers)
+    measured, posed = measured_in(fit.layout, poses.segments, valid), valid.sum(1) >= LEAST_RECEIVERS
     of_table = {"joint_angles": measured.joints, "bone_poses": measured.bones, "posed_tips": measured.tips}
     for table, columns in block.items():
         _forget(columns, {name: ~(seen & posed) for name, seen in of_table[table].items()}, NOT_MEASURED)
@@ -196,7 +198,7 @@ def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: s
     names = columns[key].unique().to_pylist()
     count = len(columns["frame"]) // max(len(names), 1)
     kept = np.zeros(count, bool)
-    null = np.concatenate([kept[:0], *(gone.get(name, kept) for name in names)])
+    null = np.concatenate([gone.get(name, kept) for name in names]) if names else kept
     for column, values in columns.items():
         if column not in ("time_s", "residual_mm") and getattr(values, "dtype", None) == np.float64:
             columns[column] = np.where(null, np.nan, values)
@@ -207,7 +209,7 @@ def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: s
 def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
     """Columns of bone_poses and posed_tips of a few frames, posed as anatomy expects the hand."""
     fit, name = tips.fit, recording_name(path)
-    poses = read_thinned(path, fit.evidence.layout.measured, REFERENCE_FRAMES)
+    poses = read_thinned(path, fit.layout.measured, REFERENCE_FRAMES)
     posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
     block = {
         "bone_poses": bone_columns(name, posed, poses),
@@ -221,7 +223,7 @@ def angle_columns(
     name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
     """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
-    angles = _turns_deg(posed, fit.evidence.layout) | joint_angles_of(fit, posed)
+    angles = _turns_deg(posed, fit.layout) | joint_angles_of(fit, posed)
     unknown = np.full((len(poses.frame), 3), np.nan)
     columns = _keys(name, "joint", list(angles), poses)
     columns["time_s"] = np.tile(poses.time_s, len(angles))
@@ -266,10 +268,9 @@ def tip_columns(
     error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
     ends_sd_mm = np.full((*valid.shape, len(ENDS)), np.nan)
     if errors is not None:
-        by_anatomy = [digit.name for digit in known_digits(fit.evidence.layout) if digit in digits]
-        ends_sd_mm[:, [[d.name for d in digits].index(digit_name) for digit_name in by_anatomy]] = (
-            errors.tips_mm
-        )
+        by_anatomy = [digit.name for digit in known_digits(fit.layout) if digit in digits]
+        names = [digit.name for digit in digits]
+        ends_sd_mm[:, [names.index(name) for name in by_anatomy]] = errors.tips_mm
     left_out_mm = np.full(valid.shape, np.nan)
     left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
     return {
@@ -289,8 +290,7 @@ def tip_columns(
 
 def digits_with_tip(fit: HandFit) -> list[Digit]:
     """Digits whose last bone carries a receiver that the fit knows."""
-    evidence = fit.evidence
-    return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
+    return [digit for digit in fit.layout.digits.values() if digit.tip in fit.model.receivers]
 
 
 def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> dict[str, Array]:
@@ -299,7 +299,7 @@ def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> 
     Carried by the posed bone or, where poses have it, by the distal receiver, which follows its bone better.
     """
     fit, digits = tips.fit, list(tips.digits)
-    mirrored_y = MIRROR if fit.evidence.convention.left else np.ones(3)
+    mirrored_y = MIRROR if fit.convention.left else np.ones(3)
     ends_mm = {part: np.full((len(posed.posed), len(digits_with_tip(fit)), 3), np.nan) for part in ENDS}
     for part, out in ends_mm.items():
         carried_mm = None if poses is None else tips.in_transmitter(poses, part)

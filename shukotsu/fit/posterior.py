@@ -25,7 +25,20 @@ from shukotsu.study.layout import Joint, Layout
 
 @dataclass(frozen=True)
 class Posterior:
-    """Mean (G,), covariance (G, G) of unknowns; mean states (S,), rad, and derivative (S, G) by them."""
+    """Normal posterior of a hand (Laplace; docs/whole-hand.md, section 7).
+
+    Parameters
+    ----------
+    x : array, shape (G,)
+        Mean of the unknowns, in units of their published sd.
+    covariance : array, shape (G, G)
+        Their covariance.
+    mean_states : array, shape (S,)
+        Joint angles of the mean posture, rad.
+    states_by_x : array, shape (S, G)
+        Their derivatives by the unknowns.
+
+    """
 
     x: Array
     covariance: Array
@@ -43,21 +56,35 @@ class Posterior:
         )
 
     def moved_to(self, x: Array, covariance: Array) -> Posterior:
-        """The posterior with another mean and covariance; the mean joint angles go along."""
+        """Return the posterior with another mean and covariance; mean joint angles follow to first order."""
         states = self.mean_states + self.states_by_x @ (x - self.x)
         return Posterior(x, covariance, states, self.states_by_x)
 
     def of_amount(self, amount: Amount) -> tuple[float, float]:
-        """Mean and sd of a linear combination of the unknowns."""
+        """Return mean and sd of a linear combination of the unknowns."""
         row = amount.row(len(self.x))
         return amount.constant + float(row @ self.x), float(np.sqrt(row @ self.covariance @ row))
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad.
+class SolvedFit:
+    """A solved fit of a hand.
 
-    alone : the posterior before conditioning on the other hand and on touches.
+    Parameters
+    ----------
+    layout, model, convention, problem
+        What was fitted, and to which F frames; its residual sd and precisions are those of the last round.
+    posterior : Posterior
+        Of the hand's unknowns, conditioned on the other hand and on touches where there are any.
+    alone : Posterior
+        Before it was conditioned on them.
+    share : array, shape (F,)
+        Share of the recording that each frame stands for.
+    states : array, shape (F, S)
+        Joint angles of the frames, rad.
+    converged : bool
+        Whether the last round's steps became negligible.
+
     """
 
     layout: Layout
@@ -81,24 +108,38 @@ class Place:
     turned: Array
 
     def sees(self, other: Place) -> tuple[Array, Array]:
-        """The other's origin in this frame and its derivative (3, G)."""
+        """Return the other's origin in this frame, mm, and its derivative (3, G)."""
         arm = other.t - self.t
         moved = other.moved - self.moved + cross(arm, self.turned.T).T
         return self.R.T @ arm, self.R.T @ moved
 
     def carrying(self, point_mm: Array, by_x: Array) -> Place:
-        """A point fixed in this frame at `point_mm` (3,); by_x (3, G) : its derivative."""
+        """Return the place of a point at `point_mm` (3,) in this frame; by_x (3, G) : its derivative."""
         arm = self.R @ point_mm
         moved = self.moved + cross(self.turned.T, arm).T + self.R @ by_x
         return Place(self.R, self.t + arm, moved, self.turned)
 
     def sees_axis(self, axis: Array, turned: Array) -> tuple[Array, Array]:
-        """An axis in this frame and its derivative (3, G); turned : how the axis turns."""
+        """Return an axis in this frame and its derivative (3, G); turned : (3, G) how it turns itself."""
         return self.R.T @ axis, self.R.T @ cross((turned - self.turned).T, axis).T
 
 
 def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
-    """Every marked frame at the mean posture, by name."""
+    """Locate every marked frame at the mean posture.
+
+    Parameters
+    ----------
+    model : HandModel
+        Chains and names of marks (`bone`, `receiver`, `axis_frame`, `straight`, `centre`).
+    posterior : Posterior
+        Unknowns and mean joint angles.
+
+    Returns
+    -------
+    dict of str to Place
+        By mark: pose in the hand's frame, mm, and how it moves with the unknowns.
+
+    """
     y = posterior.mean_states[None]
     places = {}
     for branch in model.branches:
@@ -115,7 +156,7 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
 
 
 def centre_by_unknowns(
-    joint: Joint, places: Mapping[str, Place], evidence: Evidence
+    joint: Joint, places: Mapping[str, Place], fit: SolvedFit
 ) -> tuple[dict[str, Array], Array]:
     """Compute a joint's centre in both receivers and its derivative by the unknowns.
 
@@ -125,8 +166,8 @@ def centre_by_unknowns(
         Of the layout.
     places : mapping of str to Place
         Every marked frame at the mean posture (`places_of`).
-    evidence : Evidence
-        The solved fit.
+    fit : SolvedFit
+        The hand.
 
     Returns
     -------
@@ -136,11 +177,11 @@ def centre_by_unknowns(
         Derivatives of both in the receivers' own frames, the parent's first.
 
     """
-    centre = places[evidence.model.centres[joint.name]]
-    points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
+    centre = places[fit.model.centres[joint.name]]
+    points, by_x = {}, np.full((6, len(fit.posterior.x)), np.nan)
     for side, segment in enumerate((joint.parent_receiver, joint.child)):
         points[segment] = np.full(3, np.nan)
         if receiver(segment) in places:
             points[segment], moved = places[receiver(segment)].sees(centre)
-            by_x[3 * side : 3 * side + 3] = evidence.convention.point_matrix(segment) @ moved
+            by_x[3 * side : 3 * side + 3] = fit.convention.point_matrix(segment) @ moved
     return points, by_x

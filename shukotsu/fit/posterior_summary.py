@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shukotsu.fit.chain_builder import KINDS, axis_frame, bone, receiver, straight
-from shukotsu.fit.posterior import Evidence, Place, centre_by_unknowns, places_of
-from shukotsu.hand.average_hand import COMPOUND_DIGITS, prior
+from shukotsu.fit.posterior import Place, SolvedFit, centre_by_unknowns, places_of
+from shukotsu.hand.average_hand import COMPOUND_DIGITS, PRIOR
 from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix
@@ -125,7 +125,7 @@ class AngleAxes:
 
 @dataclass(frozen=True)
 class HandSummary:
-    """Joints, centres and bones of a fitted hand, each with its error.
+    """Joints, centres and axes of a fitted hand, each with its error.
 
     Parameters
     ----------
@@ -137,8 +137,6 @@ class HandSummary:
         Whose child segment carries none.
     fixed : dict of str to FittedJoint
         Centres that do not move (the wrist, where it is no joint).
-    bones : dict of str to FittedBone
-        By segment.
     angle_axes : dict of str to AngleAxes
         Zero and axes of the angles, by joint.
 
@@ -151,13 +149,13 @@ class HandSummary:
     angle_axes: dict[str, AngleAxes]
 
 
-def summarise(evidence: Evidence) -> HandSummary:
+def summarise(fit: SolvedFit) -> HandSummary:
     """Summarise a solved fit: centres at the mean posture, axes and bones (docs/whole-hand.md, section 8).
 
     Parameters
     ----------
-    evidence : Evidence
-        The solved fit and its posterior.
+    fit : SolvedFit
+        The hand.
 
     Returns
     -------
@@ -165,39 +163,36 @@ def summarise(evidence: Evidence) -> HandSummary:
         Lengths in mm, angles in degrees, errors 1-sigma.
 
     """
-    places = places_of(evidence.model, evidence.posterior)
-    joints: dict[str, FittedJoint] = {}
-    lone: dict[str, FittedJoint] = {}
-    palm: dict[str, FittedJoint] = {}
-    fixed: dict[str, FittedJoint] = {}
-    for joint in evidence.layout.joints.values():
+    places = places_of(fit.model, fit.posterior)
+    joints, lone, palm, fixed = (dict[str, FittedJoint]() for _ in range(4))
+    for joint in fit.layout.joints.values():
         if receiver(joint.parent_receiver) not in places:
             continue
         if axis_frame(joint.name) in places:
-            worn = {joint.parent_receiver, joint.child} <= set(evidence.model.receivers)
-            unworn = lone if evidence.layout.segments[joint.child].measured else palm
-            (joints if worn else unworn)[joint.name] = _joint(joint, places, evidence)
-        elif evidence.model.centres.get(joint.name) in places:
-            seen = places[receiver(joint.parent_receiver)].sees(places[evidence.model.centres[joint.name]])
+            worn = {joint.parent_receiver, joint.child} <= set(fit.model.receivers)
+            unworn = lone if fit.layout.segments[joint.child].measured else palm
+            (joints if worn else unworn)[joint.name] = _joint(joint, places, fit)
+        elif fit.model.centres.get(joint.name) in places:
+            seen = places[receiver(joint.parent_receiver)].sees(places[fit.model.centres[joint.name]])
             ends = joint.parent_receiver, joint.child
-            fixed[joint.name] = _anatomical_joint(joint.name, ends, joint.parent_receiver, seen, evidence)
-    wrist, base = evidence.layout.wrist, evidence.model.receivers[0]
-    if wrist is not None and wrist.joint not in joints and evidence.model.length:
-        still = np.zeros((3, len(evidence.posterior.x)))
+            fixed[joint.name] = _anatomical_joint(joint.name, ends, joint.parent_receiver, seen, fit)
+    wrist, base = fit.layout.wrist, fit.model.receivers[0]
+    if wrist is not None and wrist.joint not in joints and fit.model.length:
+        still = np.zeros((3, len(fit.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
-        fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, evidence)
-    return HandSummary(joints, lone, palm, fixed, angle_axes(evidence, places))
+        fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, fit)
+    return HandSummary(joints, lone, palm, fixed, angle_axes(fit, places))
 
 
-def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
+def unmodelled_mm2(joint: str, fit: SolvedFit) -> float:
     """Compute what the model does not know of a joint's centre, U^2 of docs/whole-hand.md, section 8.
 
     Parameters
     ----------
     joint : str
         As the layout calls it.
-    evidence : Evidence
-        The solved fit.
+    fit : SolvedFit
+        The hand.
 
     Returns
     -------
@@ -205,16 +200,16 @@ def unmodelled_mm2(joint: str, evidence: Evidence) -> float:
         Variance per direction, mm^2, beside all that is fitted; 0 without known anatomy.
 
     """
-    for digit in known_digits(evidence.layout):
+    for digit in known_digits(fit.layout):
         if joint in digit.joints:
-            if evidence.layout.joints[joint].dof == 1 and joint != digit.joints[0]:
-                return prior.UNMODELLED_MM["hinge"] ** 2
+            if fit.layout.joints[joint].dof == 1 and joint != digit.joints[0]:
+                return PRIOR.UNMODELLED_MM["hinge"] ** 2
             compound = joint == digit.joints[0] or digit.name in COMPOUND_DIGITS
-            return prior.UNMODELLED_MM["compound" if compound else "mcp"] ** 2
+            return PRIOR.UNMODELLED_MM["compound" if compound else "mcp"] ** 2
     return 0.0
 
 
-def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
+def unshown_mm2(segment: str, point_mm: Array, fit: SolvedFit) -> Array:
     """Compute the covariance that skin adds to a point and that leaves no residual: W of section 8.
 
     A receiver that slides by c mm per rad moves centres by c mm and leaves no gap. The fit has the linear
@@ -226,8 +221,8 @@ def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
         Of the receiver.
     point_mm : array, shape (3,)
         In the receiver's own frame.
-    evidence : Evidence
-        The solved fit.
+    fit : SolvedFit
+        The hand.
 
     Returns
     -------
@@ -235,22 +230,22 @@ def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
         mm^2, in the receiver's own frame.
 
     """
-    turn = evidence.convention.point_matrix(segment)
-    if segment == evidence.model.receivers[0] and segment in evidence.model.mount:
-        tilt = prior.PALM_TILT_SD * cross_matrix(point_mm)
-        return np.asarray(prior.PALM_SLIDE_SD_MM**2 * np.eye(3) + tilt @ tilt.T)
-    slides = [i for i, group in enumerate(evidence.model.unknowns.groups) if group == "slide x"]
-    of_segment = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{segment} ")]
+    turn = fit.convention.point_matrix(segment)
+    if segment == fit.model.receivers[0] and segment in fit.model.mount:
+        tilt = PRIOR.PALM_TILT_SD * cross_matrix(point_mm)
+        return np.asarray(PRIOR.PALM_SLIDE_SD_MM**2 * np.eye(3) + tilt @ tilt.T)
+    slides = [i for i, group in enumerate(fit.model.unknowns.groups) if group == "slide x"]
+    of_segment = [i for i in slides if fit.model.unknowns.names[i].startswith(f"{segment} ")]
     if not of_segment:
         return np.zeros((3, 3))
-    loose = evidence.problem.precision[of_segment[0]] ** -0.5 * prior.looseness(segment)
-    bent = prior.SKIN_BENT * loose * len(of_segment) ** 0.5 * np.array(prior.SLIDE_SD_MM)
+    loose = fit.problem.precision[of_segment[0]] ** -0.5 * PRIOR.looseness(segment)
+    bent = PRIOR.SKIN_BENT * loose * len(of_segment) ** 0.5 * np.array(PRIOR.SLIDE_SD_MM)
     return np.asarray(turn @ np.diag(bent**2) @ turn.T)
 
 
-def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> FittedJoint:
-    model, convention, posterior = evidence.model, evidence.convention, evidence.posterior
-    points, by_x = centre_by_unknowns(joint, places, evidence)
+def _joint(joint: Joint, places: Mapping[str, Place], fit: SolvedFit) -> FittedJoint:
+    model, convention, posterior = fit.model, fit.convention, fit.posterior
+    points, by_x = centre_by_unknowns(joint, places, fit)
     axis_at = places[axis_frame(joint.name)]
     axis = axis_at.R @ model.axes[joint.name]
     axes = {
@@ -264,12 +259,12 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     for half, segment in ((slice(0, 3), joint.parent_receiver), (slice(3, 6), joint.child)):
         if segment in model.receivers:
             own_mm = convention.point_matrix(segment) @ points[segment]
-            covariance[half, half] += unshown_mm2(segment, own_mm, evidence)
-    covariance += np.kron(np.eye(2), unmodelled_mm2(joint.name, evidence) * np.eye(3))
+            covariance[half, half] += unshown_mm2(segment, own_mm, fit)
+    covariance += np.kron(np.eye(2), unmodelled_mm2(joint.name, fit) * np.eye(3))
     axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
-    flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
+    flexion = fit.states[:, model.states.names.index((joint.name, KINDS[0]))]
     range_deg = angle_range(np.degrees(flexion), flattening(flexion))
-    doubts, sides = _doubts(joint, evidence), (joint.parent_receiver, joint.child)
+    doubts, sides = _doubts(joint, fit), (joint.parent_receiver, joint.child)
     unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
     nowhere = (
         f"no receiver on {listed(unworn)}: no worn receiver carries the centre; what is known is in "
@@ -287,68 +282,69 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         axis_child=convention.axis(joint.child, axes[joint.child]),
         axis_sd_deg=axis_sd,
         range_deg=range_deg,
-        gap_rms_mm=_gap_rms_mm(joint, evidence, points),
+        gap_rms_mm=_gap_rms_mm(joint, fit, points),
         doubts=doubts,
         message=nowhere if len(unworn) == len(sides) else "",
     )
 
 
 def _anatomical_joint(
-    joint: str, ends: tuple[str, str], segment: str, seen: tuple[Array, Array], evidence: Evidence
+    joint: str, ends: tuple[str, str], segment: str, seen: tuple[Array, Array], fit: SolvedFit
 ) -> FittedJoint:
     """A centre that anatomy places, `seen` by a receiver; ends : parent and child segment."""
-    by_x = evidence.convention.point_matrix(segment) @ seen[1]
+    by_x = fit.convention.point_matrix(segment) @ seen[1]
     side = 0 if ends[0] else 1
     half = slice(3 * side, 3 * side + 3)
-    covariance, nothing = np.zeros((6, 6)), np.full(3, np.nan)
-    covariance[half, half] = by_x @ evidence.posterior.covariance @ by_x.T
-    covariance[half, half] += unmodelled_mm2(joint, evidence) * np.eye(3)
-    centres = [nothing, nothing]
-    centres[side] = evidence.convention.point(segment, seen[0])
+    covariance, centres = np.zeros((6, 6)), np.full((2, 3), np.nan)
+    covariance[half, half] = by_x @ fit.posterior.covariance @ by_x.T
+    covariance[half, half] += unmodelled_mm2(joint, fit) * np.eye(3)
+    centres[side] = fit.convention.point(segment, seen[0])
+    no_axis = np.full(3, np.nan)
     return FittedJoint(
-        joint,
-        *ends,
-        0,
-        centres[0],
-        centres[1],
-        covariance,
-        nothing,
-        nothing,
-        np.nan,
-        np.nan,
-        np.nan,
-        {BY_ANATOMY: {}},
+        name=joint,
+        parent_segment=ends[0],
+        child_segment=ends[1],
+        dof=0,
+        parent_mm=centres[0],
+        child_mm=centres[1],
+        covariance_mm2=covariance,
+        axis_parent=no_axis,
+        axis_child=no_axis,
+        axis_sd_deg=np.nan,
+        range_deg=np.nan,
+        gap_rms_mm=np.nan,
+        doubts={BY_ANATOMY: {}},
     )
 
 
-def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -> float:
+def _gap_rms_mm(joint: Joint, fit: SolvedFit, points: Mapping[str, Array]) -> float:
     """Root mean square distance of the two halves of a centre in the recording; NaN where there is none."""
-    receivers, frames = evidence.model.receivers, evidence.problem.frames
+    receivers, frames = fit.model.receivers, fit.problem.frames
     if not {joint.parent_receiver, joint.child} <= set(receivers):
         return float("nan")
     a, b = receivers.index(joint.parent_receiver), receivers.index(joint.child)
-    weight = evidence.share * (frames.valid[:, a] & frames.valid[:, b])
+    weight = fit.share * (frames.valid[:, a] & frames.valid[:, b])
     if not weight.any():
         return float("nan")
-    rotation = evidence.problem.rotation(evidence.posterior.x)
+    rotation = fit.problem.rotation(fit.posterior.x)
     apart = rotation[:, a] @ points[joint.parent_receiver] + frames.position_mm[:, a]
     apart -= rotation[:, b] @ points[joint.child] + frames.position_mm[:, b]
     return float(np.sqrt((weight * (apart**2).sum(-1)).sum() / weight.sum()))
 
 
-def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
+def _doubts(joint: Joint, fit: SolvedFit) -> dict[str, Values]:
     """List the doubts about a joint's centre that its numbers do not show, by kind; the hand's first."""
-    off = np.abs(evidence.posterior.x) * np.sqrt(evidence.problem.precision)
-    strangest, receivers = int(np.argmax(off)), evidence.model.receivers
+    off = np.abs(fit.posterior.x) * np.sqrt(fit.problem.precision)
+    strangest, receivers = int(np.argmax(off)), fit.model.receivers
     sides = (joint.parent_receiver, joint.child)
-    valid = evidence.problem.frames.valid
+    valid = fit.problem.frames.valid
     dead = [s for s in sides if s in receivers and not valid[:, receivers.index(s)].any()]
-    unworn = [s for s in sides if s not in receivers and evidence.layout.segments[s].measured]
+    unworn = [s for s in sides if s not in receivers and fit.layout.segments[s].measured]
     doubts: dict[str, Values] = {}
-    if not evidence.converged:
+    if not fit.converged:
         doubts[UNSETTLED] = {}
     if off[strangest] > STRANGE_SD:
-        doubts[FAR] = {"what": evidence.model.unknowns.names[strangest], "sd": float(off[strangest])}
+        doubts[FAR] = {"what": fit.model.unknowns.names[strangest], "sd": float(off[strangest])}
     if dead:
         doubts[NO_POSE] = {"segments": dead}
     if unworn:
@@ -356,20 +352,20 @@ def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
     return doubts
 
 
-def angle_axes(evidence: Evidence, places: Mapping[str, Place]) -> dict[str, AngleAxes]:
+def angle_axes(fit: SolvedFit, places: Mapping[str, Place]) -> dict[str, AngleAxes]:
     """Zero and axes of known joints that move; a thumb's CMC by its nail's side, as the MCP axis tells it."""
-    covariance = evidence.posterior.covariance
+    covariance = fit.posterior.covariance
     axes = {}
-    for digit in known_digits(evidence.layout):
-        for k, (parent, seen, turned) in enumerate(_rests(evidence, places, digit)):
+    for digit in known_digits(fit.layout):
+        for k, (parent, seen, turned) in enumerate(_rests(fit, places, digit)):
             joint, child = digit.joints[k], digit.segments[k]
-            if not evidence.layout.joints[joint].dof:
+            if not fit.layout.joints[joint].dof:
                 continue
-            by_nail = k == 0 and evidence.model.anatomy[digit.name].second_axis is not None
+            by_nail = k == 0 and fit.model.anatomy[digit.name].second_axis is not None
             by_nail = by_nail and axis_frame(digit.joints[1]) in places
             by = digit.joints[1] if by_nail else joint
             at, seer = places[axis_frame(by)], places[bone(child)] if by_nail else seen
-            (_, y, z), moved = seer.sees_axis(at.R @ evidence.model.axes[by], at.turned)
+            (_, y, z), moved = seer.sees_axis(at.R @ fit.model.axes[by], at.turned)
             by_x = (y * moved[2] - z * moved[1]) / (y * y + z * z)
             sd_deg = float(np.degrees(np.sqrt(by_x @ covariance @ by_x)))
             rest = from_matrix(parent.R.T @ seen.R)
@@ -378,13 +374,11 @@ def angle_axes(evidence: Evidence, places: Mapping[str, Place]) -> dict[str, Ang
     return axes
 
 
-def _rests(
-    evidence: Evidence, places: Mapping[str, Place], digit: Digit
-) -> Iterator[tuple[Place, Place, Array]]:
+def _rests(fit: SolvedFit, places: Mapping[str, Place], digit: Digit) -> Iterator[tuple[Place, Place, Array]]:
     """Each joint's parent bone, its child bone at zero, and how that turns in the parent's frame."""
-    still = np.zeros((3, len(evidence.posterior.x)))
+    still = np.zeros((3, len(fit.posterior.x)))
     above = np.eye(3)
-    for k, frame in enumerate(evidence.model.anatomy[digit.name].frames()):
+    for k, frame in enumerate(fit.model.anatomy[digit.name].frames()):
         if k:
             parent = flat = places[bone(digit.segments[k - 1])]
             turned = still

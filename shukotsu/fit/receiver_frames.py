@@ -27,8 +27,9 @@ MOST_CANDIDATES = 1500
 
 @dataclass(frozen=True)
 class Convention:
-    """How receivers' frames become x distal, z dorsal of a right hand, and back; left hands are fitted as
-    mirror images.
+    """Change between receivers' own frames and those of the fit: x distal, z dorsal, of a right hand always.
+
+    Left hands are fitted as mirror images.
 
     axes : (S, 3, 3) columns distal, lateral (z x x) and dorsal in the receiver's own frame.
     """
@@ -57,7 +58,7 @@ class Convention:
         return Frames(rotation, position, valid)
 
     def point(self, receiver: str, points_mm: Array) -> Array:
-        """Points (..., 3) in the fitted receiver's frame, given in the receiver's own."""
+        """Return points (..., 3) of the fitted receiver's frame in the receiver's own frame."""
         return np.asarray(points_mm @ self.point_matrix(receiver).T)
 
     def axis(self, receiver: str, axes: Array) -> Array:
@@ -79,14 +80,14 @@ class Convention:
 
 
 def concatenate_poses(recordings: Sequence[Poses]) -> Poses:
-    """Recordings of the same receivers as one, one after the other."""
+    """Concatenate recordings of the same receivers."""
     names = ("frame", "time_s", "position_mm", "quaternion", "valid")
     arrays = [np.concatenate([getattr(poses, name) for poses in recordings]) for name in names]
     return Poses(recordings[0].segments, *arrays)
 
 
 def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
-    """Each worn receiver after the nearest worn one towards the body, where there is one."""
+    """Return pairs of each worn receiver's nearest worn neighbour towards the body, and itself."""
     before = {joint.child: joint.parent_receiver for joint in layout.solvable}
     pairs = []
     for child in worn:

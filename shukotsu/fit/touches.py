@@ -86,7 +86,36 @@ def touch_in(
     part: str,
     point_mm: Array | None = None,
 ) -> Touch:
-    """A touch, or two digits that meet, in some frames; InputError where no receivers are valid in any."""
+    """Return a touch, or the contact of two digits, with the distal receivers' poses while it lasted.
+
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand.
+    poses : Poses
+        The recording.
+    rows : array of int
+        Frames in which it lasted.
+    digits : tuple of str
+        One digit, or two that meet.
+    sd_mm : float
+        1-sigma per direction.
+    part : str
+        bone, tip or pad.
+    point_mm : array, shape (3,), optional
+        What is touched, in the transmitter's frame; None where two digits meet.
+
+    Returns
+    -------
+    Touch
+        With the frames in which all receivers are valid.
+
+    Raises
+    ------
+    InputError
+        Where there is no such frame, or a digit has no fingertip.
+
+    """
     receivers = [tips[digit].receiver for digit in digits]
     columns = [poses.index(name) for name in receivers]
     rows = rows[poses.valid[rows][:, columns].all(1)]
@@ -107,10 +136,26 @@ class _Equation:
 
 
 def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
-    """Condition fingertips on touches; the result's `fit` has its joints, bones and their covariance then.
+    """Condition a hand and its fingertips on touches (docs/whole-hand.md, section 7).
 
-    A touch that all other data predict with a probability below 1 in 1000 is left out, with a sentence in
-    `refused`. Raises InputError for a digit without a fingertip or an unknown part.
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand before.
+    touches : sequence of Touch
+        Touches of points, and contacts of pads.
+
+    Returns
+    -------
+    Fingertips
+        Its `fit` has the conditioned posterior. A touch that lies farther from all other data than 1 in 1000
+        is left out, with a sentence in `refused`.
+
+    Raises
+    ------
+    InputError
+        Of a digit without a fingertip, or an unknown part.
+
     """
     equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
     refused: list[str] = []
@@ -118,7 +163,7 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
         u, covariance, misfits = _condition(tips, equations)
         worst = max(range(len(equations)), key=lambda i: misfits[i][0])
         if misfits[worst][0] <= WORST:
-            n_unknowns = len(tips.fit.evidence.posterior.x)  # the mean joint angles go along
+            n_unknowns = len(tips.fit.posterior.x)  # the mean joint angles go along
             fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
             offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
             return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))
@@ -131,7 +176,7 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
 
 
 def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
-    """The ends of the digits meet, or one is at the point."""
+    """Write a touch as an equation: the ends of two digits coincide, or one is at the point."""
     if touch.part not in (BONE, TIP, PAD):
         raise InputError(f"part {touch.part!r} of a fingertip is not known; expected bone, tip or pad")
     first, *other = touch.digits
@@ -151,18 +196,20 @@ def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
 def _condition(
     tips: Fingertips, equations: Sequence[_Equation]
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
-    """Unknowns and offsets (G + 6 D,), their covariance, each equation's misfit, squared in sd, and mm."""
-    evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
-    start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
+    """Condition on all equations; return unknowns and offsets (G + 6 D,), their covariance, and misfits.
+
+    A misfit is an equation's distance from all other data: squared, in sd, and in mm.
+    """
+    fit, shape = tips.fit, tips.offsets_mm.shape
+    start, P = np.concatenate([fit.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
     noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
-    alone = _alone(tips, equations, start, P)
     u = start
+    off, H = first_off, first_H = _misfit(tips, equations, start, shape)
     for _ in range(_ROUNDS):
-        off, H = _misfit(tips, equations, u, shape)
         PH = P @ H.T
         gain = np.linalg.solve(H @ PH + np.diag(noise), PH.T).T
         u = start + gain @ (off - H @ (start - u))
-    off, H = _misfit(tips, equations, u, shape)
+        off, H = _misfit(tips, equations, u, shape)
     after = P - gain @ PH.T
     misfits = []
     for i, equation in enumerate(equations):
@@ -171,30 +218,20 @@ def _condition(
         left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
         pull = np.linalg.solve(left, off[rows])
         among = float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))
-        misfits.append(alone[i] if alone[i][0] > FAR or among[0] < 0.0 else among)
+        # and from the prediction of the fit alone
+        spread = first_H[rows] @ P @ first_H[rows].T + equation.sd_mm**2 * np.eye(3)
+        apart_mm = first_off[rows]
+        alone = float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))
+        misfits.append(alone if alone[0] > FAR or among[0] < 0.0 else among)
     return u, (after + after.T) / 2, misfits
-
-
-def _alone(
-    tips: Fingertips, equations: Sequence[_Equation], start: Array, P: Array
-) -> list[tuple[float, float]]:
-    """Return how far each equation is from what the fit alone makes of it: squared in sd, and in mm."""
-    off, H = _misfit(tips, equations, start, tips.offsets_mm.shape)
-    misfits = []
-    for i, equation in enumerate(equations):
-        rows = slice(3 * i, 3 * i + 3)
-        spread = H[rows] @ P @ H[rows].T + equation.sd_mm**2 * np.eye(3)
-        apart_mm = off[rows]
-        misfits.append((float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))))
-    return misfits
 
 
 def _misfit(
     tips: Fingertips, equations: Sequence[_Equation], u: Array, shape: tuple[int, ...]
 ) -> tuple[Array, Array]:
-    """Values of the K equations less what u gives, (3 K,), and the latter's derivative (3 K, G + 6 D)."""
+    """Return what the K equations lack at u, (3 K,) in mm, and their derivative (3 K, G + 6 D)."""
     n_unknowns = len(u) - int(np.prod(shape))
-    seen = seen_parts(tips.fit.evidence, u[:n_unknowns], u[n_unknowns:].reshape(shape))
+    seen = seen_parts(tips.fit, u[:n_unknowns], u[n_unknowns:].reshape(shape))
     off, rows = [], []
     for equation in equations:
         off.append(equation.value - sum(factor @ seen[part][0] for factor, part in equation.terms))
@@ -216,7 +253,7 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     apart = pads[:, columns] - pads[:, [list(tips.digits).index(THUMB)]]
     distance = np.nan_to_num(np.linalg.norm(apart, axis=-1), nan=np.inf)
     nearest = distance.argmin(1)
-    seen = seen_parts(tips.fit.evidence, tips.fit.evidence.posterior.x, tips.offsets_mm)
+    seen = seen_parts(tips.fit, tips.fit.posterior.x, tips.offsets_mm)
     contacts = []
     for i, finger in enumerate(fingers):
         both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
@@ -230,7 +267,7 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
 
 
 def _held(distance_mm: Array, apart_mm: Array, near: npt.NDArray[np.bool_]) -> list[Index]:
-    """Return the frames of each time that two pads were held together, the stillest time first."""
+    """Return the frames of every episode in which two pads were held together, the stillest one first."""
     speed, k = np.full(len(apart_mm), np.inf), _SPEED_FRAMES  # mm per frame
     if len(apart_mm) > 2 * k:
         speed[k:-k] = np.linalg.norm(apart_mm[2 * k :] - apart_mm[: -2 * k], axis=-1) / (2 * k)

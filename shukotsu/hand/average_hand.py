@@ -184,7 +184,7 @@ class Prior:
         return little * (self.NAIL if segment.endswith("_distal") else 1.0)
 
 
-prior = constants(
+PRIOR = constants(
     Prior,
     _NUMBERS,
     MOUNT_TURN_SD_RAD=float(np.radians(_NUMBERS["MOUNT_TURN_DEG"] / np.sqrt(3.0))),
@@ -229,9 +229,9 @@ class DigitAnatomy:
     def mounts_mm(self) -> Array:
         """Receivers' places (B, 3), in the bones' frames: on the nail, and half way along others."""
         mounts = np.zeros((len(self.lengths_mm), 3))
-        mounts[:, 0] = prior.MOUNT_SHARE * self.lengths_mm
-        mounts[-1, 0] = prior.NAIL_SHARE * self.lengths_mm[-1]
-        mounts[:, 2] = self.bone_heights_mm + prior.COVER_MM
+        mounts[:, 0] = PRIOR.MOUNT_SHARE * self.lengths_mm
+        mounts[-1, 0] = PRIOR.NAIL_SHARE * self.lengths_mm[-1]
+        mounts[:, 2] = self.bone_heights_mm + PRIOR.COVER_MM
         return mounts
 
 
@@ -276,8 +276,8 @@ def _finger(
         np.cos(oblique[1]) * twisted + np.sin(oblique[1]) * distal,
     ]
     return DigitAnatomy(
-        prior.SOURCE_SCALE * cmc,
-        np.array([unit(mcp - prior.SOURCE_SCALE * cmc), proximal, middle, distal]),
+        PRIOR.SOURCE_SCALE * cmc,
+        np.array([unit(mcp - PRIOR.SOURCE_SCALE * cmc), proximal, middle, distal]),
         unit(np.array(axes)),
         np.array(numbers["lengths_mm"]),
         numbers["soft_tip_mm"],
@@ -291,7 +291,7 @@ DIGITS: dict[str, DigitAnatomy] = {
 }
 
 AVERAGE_LENGTH_MM = (
-    prior.CAPITATE_TO_CREASE_MM
+    PRIOR.CAPITATE_TO_CREASE_MM
     + float(DIGITS["middle"].base_mm[0] + DIGITS["middle"].lengths_mm.sum())
     + DIGITS["middle"].soft_tip_mm
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, prior
+from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, PRIOR
 from shukotsu.hand.rotations import Array, cross_matrix, nearest_rotation
 from shukotsu.paper import plane
 from shukotsu.paper.closed import JointSolution
@@ -106,7 +106,7 @@ def _looseness(segment: str, layout: Layout, gap_rms_mm: float) -> float:
     """Factor on the tabulated skin motion of a segment, from the gap and the margin."""
     if _is_known(segment, layout):
         return MARGIN * max(1.0, gap_rms_mm / TYPICAL_GAP_MM)
-    return max(1.0, gap_rms_mm / prior.UNKNOWN_SLIDE_SD_MM)
+    return max(1.0, gap_rms_mm / PRIOR.UNKNOWN_SLIDE_SD_MM)
 
 
 def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> float:
@@ -118,7 +118,7 @@ def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> flo
     place_mm2 = UNKNOWN_PLACE_SD_MM**2
     if _is_known(segment, layout):
         lever_mm = float(np.linalg.norm(placed.p_mm if in_parent else placed.q_mm))
-        place_mm2 = MARGIN**2 * (prior.MOUNT_SD_MM[1] ** 2 + (prior.MOUNT_TURN_SD_RAD * lever_mm) ** 2)
+        place_mm2 = MARGIN**2 * (PRIOR.MOUNT_SD_MM[1] ** 2 + (PRIOR.MOUNT_TURN_SD_RAD * lever_mm) ** 2)
     return place_mm2 / float(np.sin(np.radians(placed.axis_plane_deg))) ** 2
 
 
@@ -133,16 +133,16 @@ def _is_known(segment: str, layout: Layout) -> bool:
 def _slide_covariance(segment: str, layout: Layout, lever_mm: Array, looseness: float) -> Array:
     """Covariance (3, 3), mm^2 per rad^2, of a point's skin motion as its receiver sees it; lever_mm (3,)."""
     if layout.wrist is not None and segment == layout.wrist.segment:
-        return np.asarray((looseness * prior.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
+        return np.asarray((looseness * PRIOR.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
     if not _is_known(segment, layout):
-        return np.asarray((looseness * prior.UNKNOWN_SLIDE_SD_MM) ** 2 * np.eye(3))
+        return np.asarray((looseness * PRIOR.UNKNOWN_SLIDE_SD_MM) ** 2 * np.eye(3))
     if segment == "thumb_metacarpal":
-        looseness *= prior.JOINTWISE_THENAR
+        looseness *= PRIOR.JOINTWISE_THENAR
     elif segment.endswith("_distal"):
-        looseness *= prior.JOINTWISE_NAIL
+        looseness *= PRIOR.JOINTWISE_NAIL
     axes, cross = layout.segments[segment].axes, cross_matrix(lever_mm)
-    slide = axes @ np.diag(np.square(prior.JOINTWISE_SLIDE_SD_MM)) @ axes.T
-    return np.asarray(looseness**2 * (slide + prior.JOINTWISE_TILT_SD**2 * cross @ cross.T))
+    slide = axes @ np.diag(np.square(PRIOR.JOINTWISE_SLIDE_SD_MM)) @ axes.T
+    return np.asarray(looseness**2 * (slide + PRIOR.JOINTWISE_TILT_SD**2 * cross @ cross.T))
 
 
 def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCentresRow]:

@@ -22,7 +22,7 @@ def test_a_calibration_with_six_says_what_is_lost() -> None:
     arrays = (array[:, worn] for array in (poses.position_mm, poses.quaternion, poses.valid))
     few = Poses(SIX, poses.frame, poses.time_s, *arrays)
     six = fit_hand([few], read_layout("tips-and-hand"), "right", settings=FitSettings(n_frames=60, rounds=1))
-    assert six.evidence.model.receivers == SIX
+    assert six.model.receivers == SIX
     assert six.converged
     true_mm = recorded(seed=4, n_frames=1600)[0].truth.hand.length_mm
     off = np.array([bone.length_mm - true_mm[BONES.index(name)] for name, bone in six.bones.items()])

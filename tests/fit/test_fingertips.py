@@ -86,15 +86,15 @@ def test_tips_are_where_the_hand_has_them(person: Person) -> None:
 
 def test_derivatives_are_those_of_the_points(person: Person) -> None:
     tips = person.tips
-    evidence, rng = tips.fit.evidence, np.random.default_rng(0)
-    x, offsets = evidence.posterior.x, tips.offsets_mm
+    fit, rng = tips.fit, np.random.default_rng(0)
+    x, offsets = fit.posterior.x, tips.offsets_mm
     along = rng.normal(size=len(x) + offsets.size)
     by_x, by_offset = along[: len(x)], along[len(x) :].reshape(offsets.shape)
     step = 1e-5
     first, second = (
-        seen_parts(evidence, x + sign * step * by_x, offsets + sign * step * by_offset) for sign in (-1, 1)
+        seen_parts(fit, x + sign * step * by_x, offsets + sign * step * by_offset) for sign in (-1, 1)
     )
-    for which, (_, derivative) in seen_parts(evidence, x, offsets).items():
+    for which, (_, derivative) in seen_parts(fit, x, offsets).items():
         slope = (second[which][0] - first[which][0]) / (2 * step)
         np.testing.assert_allclose(derivative @ along, slope, rtol=1e-6, atol=1e-6)
 
@@ -110,9 +110,9 @@ def test_one_touch_a_finger_finds_the_tips(person: Person) -> None:
         assert np.sqrt(np.trace(after.soft_tip_covariance_mm2) / 3) < 0.5
         assert np.trace(after.soft_tip_covariance_mm2) < np.trace(after.covariance_mm2)
         assert np.trace(after.covariance_mm2) < 0.5 * np.trace(before.covariance_mm2)
-    np.testing.assert_array_equal(tips.fit.evidence.posterior.covariance, tips.covariance[:-30, :-30])
+    np.testing.assert_array_equal(tips.fit.posterior.covariance, tips.covariance[:-30, :-30])
     assert np.linalg.eigvalsh(tips.covariance)[0] > 0
-    now, before = tips.fit.evidence.posterior, person.tips.fit.evidence.posterior
+    now, before = tips.fit.posterior, person.tips.fit.posterior
     angles = before.states_by_x @ (now.x - before.x)
     np.testing.assert_allclose(now.mean_states - before.mean_states, angles)
     assert np.abs(angles).max() > 0.001

@@ -12,7 +12,7 @@ from shukotsu.fit.compiled_equations import pose, reduce
 from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.gauss_newton import first_guess, solve
 from shukotsu.fit.measurements import Measurement
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import exp_rotation
 from shukotsu.paper.closed import solve_closed
 from shukotsu.paper.moments import JointMoments
@@ -91,8 +91,8 @@ def test_wrist_bones_and_receivers_are_within_their_stated_errors(fitted: HandFi
 
 def span_mm(fit: HandFit) -> float:
     """How far apart the knuckles of the index and the little finger are."""
-    ends = (fit.evidence.model.knuckles[name] for name in ("index", "little"))
-    places = [[fit.evidence.posterior.of_amount(amount)[0] for amount in each] for each in ends]
+    ends = (fit.model.knuckles[name] for name in ("index", "little"))
+    places = [[fit.posterior.of_amount(amount)[0] for amount in each] for each in ends]
     return float(np.linalg.norm(np.subtract(*places)))
 
 
@@ -103,12 +103,9 @@ def test_what_is_known_beside_the_recording_moves_what_it_is_of(layout: Layout, 
     assert 0.5 < span_mm(broad) - span_mm(narrow) < 20 * 49 / 82
     assert narrow.joints["ring_mcp"].sd_mm < 1.01 * fitted.joints["ring_mcp"].sd_mm
     told = anew(layout=replace(layout, receiver_height_mm=2.0))
-    heights = [
-        fit.evidence.posterior.of_amount(fit.evidence.model.mount["index_distal"][2])
-        for fit in (told, fitted)
-    ]
+    heights = [fit.posterior.of_amount(fit.model.mount["index_distal"][2]) for fit in (told, fitted)]
     assert heights[0][1] < 0.95 * heights[1][1]
-    assert fitted.bones["ring_metacarpal"].sd_mm > prior.UNMODELLED_LENGTH_MM["metacarpal"]
+    assert fitted.bones["ring_metacarpal"].sd_mm > PRIOR.UNMODELLED_LENGTH_MM["metacarpal"]
     length_mm = fitted.bones["ring_metacarpal"].length_mm + 3.0
     measured = anew(layout=layout, measurements=[Measurement("ring_metacarpal", length_mm, 0.5)])
     assert measured.bones["ring_metacarpal"].sd_mm < 0.5
@@ -172,9 +169,9 @@ def test_covariance_is_that_of_repeated_recordings() -> None:
     chain = random_chain(3, 3, 60, off_axis_rad=0.5)
     rng = np.random.default_rng(0)
     once = fit_hand([chain.poses], free_layout(chain), "right", settings=FitSettings(rounds=0))
-    problem = replace(once.evidence.problem, temper=1.0)
+    problem = replace(once.problem, temper=1.0)
     frames, sd = problem.frames, problem.sd[0]
-    point = pose(problem, first_guess(problem, once.evidence.model, once.evidence.posterior.x))
+    point = pose(problem, first_guess(problem, once.model, once.posterior.x))
     fitted_value = []
     for _ in range(120):
         turned = frames.rotation @ exp_rotation(sd[1] * rng.normal(size=frames.position_mm.shape))

@@ -66,10 +66,8 @@ def test_both_hands_share_their_lengths(hands: dict[str, tuple[HandFit, Simulate
         middle = sorted([bone.length_mm, left.bones[name].length_mm])
         assert middle[0] - 2.0 < shared_right.bones[name].length_mm < middle[1] + 2.0
     for before_fit, after_fit in ((right, shared_right), (left, shared_left)):
-        assert pull_rows(after_fit.evidence) == pull_rows(
-            before_fit.evidence
-        )  # what is held against the other
-        assert np.linalg.eigvalsh(after_fit.evidence.posterior.covariance)[0] > 0
+        assert pull_rows(after_fit) == pull_rows(before_fit)  # what is held against the other
+        assert np.linalg.eigvalsh(after_fit.posterior.covariance)[0] > 0
         for name, joint in before_fit.joints.items():
             assert after_fit.joints[name].sd_mm <= joint.sd_mm + 1e-9
 
@@ -77,8 +75,8 @@ def test_both_hands_share_their_lengths(hands: dict[str, tuple[HandFit, Simulate
 def test_what_pulls_a_length_is_most_of_its_error(hands: dict[str, tuple[HandFit, Simulated]]) -> None:
     """Squares of pulls add up to less than the variance; a length that a calliper measured has none."""
     fit = hands["right"][0]
-    squares = sum(row["pull_mm"] ** 2 for row in pull_rows(fit.evidence) if row["bone"] == "index_middle")
+    squares = sum(row["pull_mm"] ** 2 for row in pull_rows(fit) if row["bone"] == "index_middle")
     assert 0.5 < np.sqrt(squares) / fit.bones["index_middle"].sd_mm < 1.0
-    measured = observations(fit.evidence.model, [Measurement("index_middle", 25.0, 0.4)])
-    evidence = replace(fit.evidence, problem=replace(fit.evidence.problem, observations=measured))
-    assert {row["bone"] for row in pull_rows(evidence)} == {*fit.bones} - {"index_middle"}
+    measured = observations(fit.model, [Measurement("index_middle", 25.0, 0.4)])
+    with_calliper = replace(fit, problem=replace(fit.problem, observations=measured))
+    assert {row["bone"] for row in pull_rows(with_calliper)} == {*fit.bones} - {"index_middle"}

@@ -31,7 +31,7 @@ def tips(request: pytest.FixtureRequest) -> Fingertips:
 
 
 def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedHand]:
-    side = "left" if tips.fit.evidence.convention.left else "right"
+    side = "left" if tips.fit.convention.left else "right"
     poses = recorded(side, "opposition", seed=4, n_frames=1600)[1].take(slice(0, None, 80))
     if worn:
         poses = replace(poses, valid=poses.valid & np.isin(np.array(poses.segments), worn))
@@ -39,26 +39,24 @@ def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedH
 
 
 def stated(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
-    return posed_errors(tips, posed, tips.fit.evidence.convention.frames(poses))
+    return posed_errors(tips, posed, tips.fit.convention.frames(poses))
 
 
 @pytest.mark.parametrize("worn", [(), SIX])
 def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: tuple[str, ...]) -> None:
     """Unknowns moved a little along one of the map's numbers, and the frames' own solved again."""
     poses, posed = task_of(tips, worn)
-    evidence = tips.fit.evidence
-    frames = evidence.convention.frames(poses)
+    fit = tips.fit
+    frames = fit.convention.frames(poses)
     postures = Postures.of(tips, posed)
     spread = _spread_of(postures, frames)
-    problem = replace(
-        evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
-    )
+    problem = replace(fit.problem, frames=frames, temper=1.0, state_sd=np.array(fit.model.states.sd))
     number = len(spread.unknowns) - 3  # one of the most uncertain directions
-    step = 1e-5 * spread.unknowns[: len(evidence.posterior.x), number]
+    step = 1e-5 * spread.unknowns[: len(fit.posterior.x), number]
 
     def moved_hand(x: Array) -> tuple[Array, Array]:
-        fit = tips.fit.moved_to(x, evidence.posterior.covariance)
-        point = replace(Postures.of(replace(tips, fit=fit), posed).point, x=x)
+        moved = fit.moved_to(x, fit.posterior.covariance)
+        point = replace(Postures.of(replace(tips, fit=moved), posed).point, x=x)
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
         places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:
@@ -66,11 +64,11 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
             reached_poses = zip(reached.rotation, reached.position_mm, strict=True)
             places |= dict(zip(branch.marks, reached_poses, strict=True))
         bones = [places[f"bone {name}"] for name in posed.bones]
-        turns = [from_matrix(evidence.convention.world(*each)[0]) for each in bones]
-        angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
+        turns = [from_matrix(fit.convention.world(*each)[0]) for each in bones]
+        angles = joint_angles_of(moved, replace(posed, bone_quaternion=np.stack(turns, 1)))
         return np.stack([position_mm for _, position_mm in bones], 1), np.stack([*angles.values()], 1)
 
-    ahead, behind = (moved_hand(evidence.posterior.x + sign * step) for sign in (1, -1))
+    ahead, behind = (moved_hand(fit.posterior.x + sign * step) for sign in (1, -1))
     maps = dict(_angle_errors_deg(postures, spread))
     angle_map = np.stack([maps[joint] for joint in tips.fit.summary.angle_axes], 1)
     for derivative, first, second in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
@@ -83,7 +81,7 @@ def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) 
     """Nearly all centres, PIP angles and tips are within the 95 % that is stated, and not far within."""
     poses, posed = task_of(tips, worn)
     errors = stated(tips, poses, posed)
-    side = "left" if tips.fit.evidence.convention.left else "right"
+    side = "left" if tips.fit.convention.left else "right"
     truth = recorded(side, "opposition", seed=4, n_frames=1600)[0].truth
     rows, places = slice(0, None, 80), [BONES.index(name) for name in posed.bones]
     off_mm = np.linalg.norm(posed.bone_position_mm - truth.bone_position_mm[rows][:, places], axis=-1)
@@ -125,7 +123,5 @@ def test_of_the_same_hand_in_another_session_less_is_uncertain(tips: Fingertips)
         assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()
         assert np.median(errors.session_deg[joint] / sd_deg) > 0.1
     still = np.zeros(20, int)
-    errors = posed_errors(
-        tips, posed_frames(posed, still), tips.fit.evidence.convention.frames(poses.take(still))
-    )
+    errors = posed_errors(tips, posed_frames(posed, still), tips.fit.convention.frames(poses.take(still)))
     assert max(each.max() for each in errors.session_changes_deg.values()) < 1e-6

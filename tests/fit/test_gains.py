@@ -25,7 +25,7 @@ def sds(fit: HandFit) -> dict[str, float]:
 
 
 def test_every_measurement_is_tried_and_the_best_comes_first(gained: dict[str, Row]) -> None:
-    model, order = fitted().evidence.model, [*gained.values()]
+    model, order = fitted().model, [*gained.values()]
     assert {*model.length, *(f"{segment}.height" for segment in model.mount)} <= set(gained)
     assert len(gained) == 19 + 3 * 16 + 15 + 5
     after = [gain["mean_sd_after_mm"] for gain in order]

@@ -14,16 +14,15 @@ from shukotsu.fit.compiled_equations import (
     reach,
     reduce,
     residuals,
-    weighted_jacobians,
 )
 from shukotsu.fit.kernel import compiled, forward
 from shukotsu.fit.normal_equations import (
     HUBER,
+    FieldDistortion,
     Frames,
     Observations,
     Point,
     Problem,
-    RoomField,
     log_rotation,
     pairs,
 )
@@ -33,7 +32,7 @@ from shukotsu.hand.rotations import Array, exp_rotation, unit
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
 """Sizes of a random hand; each branch has states to itself, unknowns are anybody's."""
 
-FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
+FIELD = FieldDistortion(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
 ALL = UNKNOWNS + 12
 """The room's field has as many unknowns again."""
 
@@ -221,7 +220,7 @@ def test_analytic_derivatives_equal_differences(seed: int) -> None:
         slopes(lambda step, d=d: replace(point, y=point.y + step * d)) for d in np.eye(point.y.shape[1])
     ]
     of_unknowns = [slopes(lambda step, d=d: replace(point, x=point.x + step * d)) for d in np.eye(ALL)]
-    for b, jacobian in enumerate(weighted_jacobians(problem, point)):
+    for b, jacobian in enumerate(reduce(problem, point).jacobians()):
         branch, chain = problem.branches[b], len(problem.branches[b].unknowns)
         for by, columns, of_column in (
             (jacobian.by_root, range(6), of_root),
@@ -255,7 +254,7 @@ def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, A
     for f in range(n):
         H[np.ix_(states[f], states[f])] += prior
         g[states[f]] += prior @ (point.y[f] - problem.state_mean)
-        for b, each in enumerate(weighted_jacobians(problem, point)):
+        for b, each in enumerate(reduce(problem, point).jacobians()):
             of_x = unknowns[problem.unknowns_of(b)]
             at = np.concatenate([states[f, problem.branches[b].states], roots[f], of_x])
             J = np.concatenate([each.by_states[f], each.by_root[f], each.by_unknowns[f]], -1)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_poses import fitted, recorded
 
-from shukotsu.fit.field_test import Field
+from shukotsu.fit.field_test import Disturbance
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.hand_tables import receiver_rows
@@ -81,8 +81,10 @@ def test_rows_say_what_moved_and_what_was_left_out() -> None:
     assert (rows["hand"]["loose_from_frame"], rows["hand"]["loose_until_frame"]) == (720, 5040)
     poses = recorded("left", seed=4, n_frames=1600)[1]
     tip_mm = poses.position_mm[0, poses.index("little_distal")]  # the metal is 10 mm beside it
-    nearest = left.evidence.convention.world(np.eye(3), tip_mm)[1]
-    field = Field(nearest + np.array([0.0, 10.0, 0.0]), nearest, np.array([6.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    nearest = left.convention.world(np.eye(3), tip_mm)[1]
+    field = Disturbance(
+        nearest + np.array([0.0, 10.0, 0.0]), nearest, np.array([6.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    )
     near = Unsteady(names, Displaced(field=field), {"little_distal": field.error}, {})
     row = {row["segment"]: row for row in receiver_rows(tips, near)}["little_distal"]
     np.testing.assert_allclose([row[f"field_{axis}_mm"] for axis in "xyz"], tip_mm)

@@ -53,7 +53,7 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
     """Told apart by the data; no centre is weak, and they differ as two that are as sure as they say."""
     back, front = (errors_mm(seed, side, nail=nail) for nail in (False, True))
     fits = [fitted(seed, side, nail=nail)[1] for nail in (False, True)]
-    assert [fit.evidence.model.anatomy["thumb"].faces_nail for fit in fits] == [False, True]
+    assert [fit.model.anatomy["thumb"].faces_nail for fit in fits] == [False, True]
     for row, name in enumerate(("thumb_cmc", "thumb_mcp")):
         sd_mm = [fit.joints[name].sd_mm for fit in fits]
         assert sd_mm[1] < 1.15 * sd_mm[0]

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shukotsu.errors import InputError
-from shukotsu.hand.average_hand import prior
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import rotate
 from shukotsu.paper.closed import JointSolution, solve_closed
 from shukotsu.paper.part_solutions import solution_row
@@ -135,7 +135,7 @@ def test_skin_in_step_with_a_hinge_moves_its_solved_centre_by_what_is_stated() -
     rng, off = np.random.default_rng(0), []
     angle_rad = _hinge_angle(chain)
     for _ in range(300):
-        slide = rng.normal(0, prior.UNKNOWN_SLIDE_SD_MM, (2, 3))
+        slide = rng.normal(0, PRIOR.UNKNOWN_SLIDE_SD_MM, (2, 3))
         moved = poses.position_mm + rotate(along, angle_rad[:, None, None] * slide)
         solution = solve_closed(moments_of(chain, replace(poses, position_mm=moved)), 0, 5)
         across = solution.q_mm - free.q_mm

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from shukotsu.arrays import Array
 from shukotsu.fit.kernel.compiled import compiled, copy, fill, inner
-from shukotsu.fit.kernel.forward import Amounts, BranchPoses, FlatChains, ReachedFrames
+from shukotsu.fit.kernel.forward import Amounts, BranchPoses, FlatChains, ReachedFrames, Terms
 
 _SMALL = 1e-3
 
@@ -30,8 +30,8 @@ class MeasuredPoses(NamedTuple):
     turned: Array
 
 
-class Prior(NamedTuple):
-    """Priors of states, mean (S,) and precision (B, most s, most s); temper and limit of residuals."""
+class Objective(NamedTuple):
+    """Mean (S,) and tempered precision (B, most s, most s) of states; residuals' temper and Huber's limit."""
 
     mean: Array
     precision: Array
@@ -45,6 +45,25 @@ class ResidualArrays(NamedTuple):
     r: Array
     weight: Array
     cost: Array
+
+
+class Evaluation(NamedTuple):
+    """Chains and measured poses at a point, with where `reach` and `residuals` put their results."""
+
+    chains: FlatChains
+    amounts: Amounts
+    at: BranchPoses
+    seen: MeasuredPoses
+    objective: Objective
+    reached: ReachedFrames
+    current: ResidualArrays
+
+
+class Derivatives(NamedTuple):
+    """A branch's m residuals by its states (s, m, F), and by root and unknowns, or root (6 + g, m, F)."""
+
+    by_states: Array
+    by_rest: Array
 
 
 @inner
@@ -77,33 +96,28 @@ def _residual(
 
 
 @compiled
-def residuals(
-    chains: FlatChains,
-    reached: ReachedFrames,
-    at: BranchPoses,
-    seen: MeasuredPoses,
-    prior: Prior,
-    out: ResidualArrays,
-) -> None:
+def residuals(evaluation: Evaluation) -> None:
     """Residuals r of every receiver, zero where not valid, their robust weight, and the cost of each frame.
 
     Cost: half of (y - mean)^T precision (y - mean), plus temper * rho(|r|) of every receiver, rho Huber's.
     """
+    chains, _, at, seen, objective, reached, out = evaluation
+    receivers, ranges = chains.receivers, chains.ranges
     for f in range(len(out.cost)):
         out.cost[f] = 0.0
-    for b in range(len(chains.states_from) - 1):
-        states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
+    for b in range(len(ranges.state_start) - 1):
+        states = ranges.state[ranges.state_start[b] : ranges.state_start[b + 1]]
         for i in range(len(states)):
             for j in range(len(states)):
-                precision = prior.precision[b, i, j]
+                precision = objective.precision[b, i, j]
                 if precision != 0.0:
                     for f in range(len(out.cost)):
-                        off = (at.y[states[i], f] - prior.mean[states[i]]) * (
-                            at.y[states[j], f] - prior.mean[states[j]]
+                        off = (at.y[states[i], f] - objective.mean[states[i]]) * (
+                            at.y[states[j], f] - objective.mean[states[j]]
                         )
                         out.cost[f] += precision * off / 2
-    for n in range(len(chains.mark)):
-        mark, s = chains.mark[n], chains.receiver[n]
+    for n in range(len(receivers.mark)):
+        mark, s = receivers.mark[n], receivers.number[n]
         r, sd = out.r[n], seen.sd[s]
         for f in range(len(out.cost)):
             if not seen.valid[s, f]:
@@ -124,9 +138,9 @@ def residuals(
             for i in range(6):
                 square += r[i, f] * r[i, f]
             norm = math.sqrt(square)
-            out.weight[n, f] = min(1.0, prior.huber / max(norm, prior.huber))
-            rho = prior.huber * (norm - prior.huber / 2) if norm > prior.huber else square / 2
-            out.cost[f] += prior.temper * rho
+            out.weight[n, f] = min(1.0, objective.huber / max(norm, objective.huber))
+            rho = objective.huber * (norm - objective.huber / 2) if norm > objective.huber else square / 2
+            out.cost[f] += objective.temper * rho
 
 
 @inner
@@ -206,36 +220,36 @@ def _add_each(values: Array, factor: float, times: Array, out: Array) -> None:
 
 @inner
 def _by_terms(
-    chains: FlatChains, amounts: Amounts, o: int, y: Array, by: Array, row: int, J_y: Array, J: Array
+    terms: Terms, slope: Array, o: int, y: Array, by: Array, row: int, derivatives: Derivatives
 ) -> None:
-    """Add by (3, F), derivatives by an operation's amount, to three rows of those by states and unknowns."""
-    for k in range(chains.terms_from[o], chains.terms_from[o + 1]):
-        state, unknown = chains.state[k], chains.unknown[k]
+    """Add by (3, F), derivatives by the amount of operation o, to three rows of those by states and unknowns.
+
+    slope : (K,) of `Amounts`.
+    """
+    J_y, J = derivatives
+    for k in range(terms.start[o], terms.start[o + 1]):
+        state, unknown = terms.state[k], terms.unknown[k]
         if state >= 0:
-            _add(by, amounts.slope[k], J_y[chains.y_column[k], row : row + 3])
+            _add(by, slope[k], J_y[terms.y_column[k], row : row + 3])
         if len(J) > 6 and unknown >= 0:
-            out = J[6 + chains.x_column[k], row : row + 3]
+            out = J[6 + terms.x_column[k], row : row + 3]
             if state >= 0:
-                _add_each(by, chains.coefficient[k], y[state], out)
+                _add_each(by, terms.coefficient[k], y[state], out)
             else:
-                _add(by, chains.coefficient[k], out)
+                _add(by, terms.coefficient[k], out)
 
 
 @compiled
-def jacobian(
-    chains: FlatChains,
-    amounts: Amounts,
-    reached: ReachedFrames,
-    at: BranchPoses,
-    seen: MeasuredPoses,
-    current: ResidualArrays,
-    temper: float,
-    b: int,
-    J_y: Array,
-    J: Array,
-) -> None:
-    """A branch's derivatives by states J_y (s, m, F), root and unknowns J (columns, m, F), or root."""
-    first, n_receivers = chains.receivers_from[b], chains.receivers_from[b + 1] - chains.receivers_from[b]
+def jacobian(evaluation: Evaluation, b: int, out: Derivatives) -> None:
+    """Compute the derivatives of branch b's residuals, with robust weights and tempering in.
+
+    An operation with axis w at o moves a later point p by w x (p - o) and turns its frame by w if it rotates,
+    and moves it by w if not (section 2); by_velocity and by_turn make residuals of both (section 4).
+    """
+    chains, amounts, at, seen, objective, reached, current = evaluation
+    receivers, start = chains.receivers, chains.ranges.receiver_start
+    J_y, J = out
+    first, n_receivers = start[b], start[b + 1] - start[b]
     free_x = len(J) > 6
     velocity = np.empty(at.root_mm.shape)
     for column in range(len(J_y)):
@@ -245,36 +259,36 @@ def jacobian(
     for i in range(n_receivers):
         n, row = first + i, 6 * i
         top, low = slice(row, row + 3), slice(row + 3, row + 6)
-        position_mm = reached.position_mm[chains.mark[n]]
-        for u in range(chains.upstream_from[n], chains.upstream_from[n + 1]):
-            o = chains.upstream[u]
+        position_mm = reached.position_mm[receivers.mark[n]]
+        for u in range(receivers.start[n], receivers.start[n + 1]):
+            o = receivers.operation[u]
             if not (free_x or chains.moves[o]):
                 continue
             axis = reached.axis[o]
             if chains.rotates[o]:
                 _cross(axis, position_mm, reached.origin_mm[o], velocity)
-                _by_terms(chains, amounts, o, at.y, velocity, row, J_y, J)
-                _by_terms(chains, amounts, o, at.y, axis, row + 3, J_y, J)
+                _by_terms(chains.terms, amounts.slope, o, at.y, velocity, row, out)
+                _by_terms(chains.terms, amounts.slope, o, at.y, axis, row + 3, out)
             else:
-                _by_terms(chains, amounts, o, at.y, axis, row, J_y, J)
+                _by_terms(chains.terms, amounts.slope, o, at.y, axis, row, out)
         for k in range(3):
             for j in range(3):
                 for f in range(J.shape[2]):
                     J[k, row + j, f] = J[3 + k, row + 3 + j, f] = at.root[j, k, f]
             _cross(J[k, top], position_mm, at.root_mm, J[3 + k, top])
-        s = chains.receiver[n]
+        s = receivers.number[n]
         if free_x:
             n_turned = seen.turned.shape[1]
             for k in range(n_turned):
                 copy(seen.turned[s, k], J[len(J) - n_turned + k, low])
         by_velocity, by_turn = _to_residuals(
-            seen.rotation[s], seen.valid[s], current.r[n], current.weight[n], seen.sd[s], temper
+            seen.rotation[s], seen.valid[s], current.r[n], current.weight[n], seen.sd[s], objective.temper
         )
         for column in range(len(J_y)):
-            if chains.by_state[n, column]:
+            if receivers.by_state[n, column]:
                 _transform(by_velocity, J_y[column, top])
                 _transform(by_turn, J_y[column, low])
         for column in range(len(J)):
-            if column < 6 or chains.by_unknown[n, column - 6]:
+            if column < 6 or receivers.by_unknown[n, column - 6]:
                 _transform(by_velocity, J[column, top])
                 _transform(by_turn, J[column, low])

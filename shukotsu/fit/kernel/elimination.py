@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from shukotsu.arrays import Array
 from shukotsu.fit.kernel.compiled import compiled, fill, inner
-from shukotsu.fit.kernel.derivatives import Prior, ResidualArrays
-from shukotsu.fit.kernel.forward import BranchPoses, FlatChains
+from shukotsu.fit.kernel.derivatives import Derivatives, Evaluation
+from shukotsu.fit.kernel.forward import FlatChains
 
 _SOME_ROOT = 1e-9
 """Precision of a root that no receiver shows."""
@@ -26,6 +26,14 @@ class EliminatedStates(NamedTuple):
     inverse: Array
     by_rest: Array
     rhs: Array
+
+
+class RootEquations(NamedTuple):
+    """Normal equations of roots: H_rr (6, 6, F), by unknowns H_xr (G, 6, F), gradient g_r (6, F)."""
+
+    H_rr: Array
+    H_xr: Array
+    g_r: Array
 
 
 @inner
@@ -72,22 +80,17 @@ def by_lower(inverse: Array, B: Array, out: Array) -> None:
 
 @compiled
 def eliminate(
-    chains: FlatChains,
-    current: ResidualArrays,
-    at: BranchPoses,
-    prior: Prior,
-    damping: Array,
-    b: int,
-    J_y: Array,
-    J: Array,
-    out: EliminatedStates,
+    evaluation: Evaluation, b: int, derivatives: Derivatives, damping: Array, out: EliminatedStates
 ) -> Array:
-    """Eliminate a branch's states from its normal equations; return its weighted residuals (m, F).
+    """Eliminate branch b's states from its normal equations; return its weighted residuals (m, F).
 
     With L L^T = J_y^T J_y + precision, damped on the diagonal: out has L^-1, L^-1 J_y^T J and L^-1 g_y.
     """
-    first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
-    states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
+    chains, _, at, _, objective, _, current = evaluation
+    receivers, ranges = chains.receivers, chains.ranges
+    J_y, J = derivatives
+    first, last = ranges.receiver_start[b], ranges.receiver_start[b + 1]
+    states = ranges.state[ranges.state_start[b] : ranges.state_start[b + 1]]
     n_states, n_frames = len(J_y), J_y.shape[2]
     r = np.empty((6 * (last - first), n_frames))
     A, B = np.zeros((n_states, n_states, n_frames)), np.zeros((n_states, n_frames))
@@ -95,21 +98,21 @@ def eliminate(
         for k in range(6):
             for f in range(n_frames):
                 r[6 * i + k, f] = current.r[first + i, k, f] * math.sqrt(
-                    prior.temper * current.weight[first + i, f]
+                    objective.temper * current.weight[first + i, f]
                 )
     for i in range(n_states):
         for j in range(n_states):
-            precision = prior.precision[b, i, j]
+            precision = objective.precision[b, i, j]
             if precision != 0.0:
                 for f in range(n_frames):
                     A[i, j, f] = precision
-                    B[i, f] += precision * (at.y[states[j], f] - prior.mean[states[j]])
+                    B[i, f] += precision * (at.y[states[j], f] - objective.mean[states[j]])
         for n in range(first, last):
             rows = slice(6 * (n - first), 6 * (n - first) + 6)
-            if chains.by_state[n, i]:
+            if receivers.by_state[n, i]:
                 _add_product(J_y[i], r, rows, 1.0, B[i])
                 for j in range(i + 1):
-                    if chains.by_state[n, j]:
+                    if receivers.by_state[n, j]:
                         _add_product(J_y[i], J_y[j], rows, 1.0, A[i, j])
         for f in range(n_frames):
             A[i, i, f] *= 1.0 + damping[f]
@@ -118,10 +121,10 @@ def eliminate(
     for column in range(len(J)):
         fill(0.0, B)
         for n in range(first, last):
-            if column < 6 or chains.by_unknown[n, column - 6]:
+            if column < 6 or receivers.by_unknown[n, column - 6]:
                 rows = slice(6 * (n - first), 6 * (n - first) + 6)
                 for i in range(n_states):
-                    if chains.by_state[n, i]:
+                    if receivers.by_state[n, i]:
                         _add_product(J_y[i], J[column], rows, 1.0, B[i])
         by_lower(out.inverse, B, out.by_rest[column])
     return r
@@ -129,18 +132,16 @@ def eliminate(
 
 @compiled
 def add_to_root(
-    chains: FlatChains,
-    b: int,
-    J: Array,
-    r: Array,
-    part: EliminatedStates,
-    H_rr: Array,
-    H_xr: Array,
-    g_r: Array,
+    chains: FlatChains, b: int, J: Array, r: Array, part: EliminatedStates, root: RootEquations
 ) -> None:
-    """Add what a branch says of roots (6, 6, F), also by unknowns (G, 6, F), and their gradient (6, F)."""
-    first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
-    unknowns = chains.unknowns[chains.unknowns_from[b] : chains.unknowns_from[b + 1]]
+    """Add branch b, its states eliminated, to the normal equations of roots.
+
+    J : (6 + g, m, F) derivatives by root and unknowns; r : (m, F) weighted residuals.
+    """
+    H_rr, H_xr, g_r = root
+    ranges, by_unknown = chains.ranges, chains.receivers.by_unknown
+    first, last = ranges.receiver_start[b], ranges.receiver_start[b + 1]
+    unknowns = ranges.unknown[ranges.unknown_start[b] : ranges.unknown_start[b + 1]]
     every, states = slice(0, len(r)), slice(0, len(part.rhs))
     for i in range(6):
         _add_product(J[i], r, every, 1.0, g_r[i])
@@ -151,14 +152,15 @@ def add_to_root(
         for column in range(6, len(J)):
             out = H_xr[unknowns[column - 6], i]
             for n in range(first, last):
-                if chains.by_unknown[n, column - 6]:
+                if by_unknown[n, column - 6]:
                     _add_product(J[i], J[column], slice(6 * (n - first), 6 * (n - first) + 6), 1.0, out)
             _add_product(part.by_rest[i], part.by_rest[column], states, -1.0, out)
 
 
 @inner
-def solve_root(H_rr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array) -> None:
+def solve_root(root: RootEquations, damping: Array, inverse: Array, rhs: Array) -> None:
     """Eliminate roots: inverse (6, 6, F) and rhs (6, F) of `Reduced`."""
+    H_rr, _, g_r = root
     for i in range(6):
         for f in range(len(damping)):
             H_rr[i, i, f] = H_rr[i, i, f] * (1.0 + damping[f]) + _SOME_ROOT
@@ -167,13 +169,11 @@ def solve_root(H_rr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Arr
 
 
 @compiled
-def reduce_roots(
-    H_rr: Array, H_xr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array, by_x: Array
-) -> None:
+def reduce_roots(root: RootEquations, damping: Array, inverse: Array, rhs: Array, by_x: Array) -> None:
     """Eliminate roots; by_x (G, 6, F) : how they move with the unknowns, as in `Reduced`."""
-    solve_root(H_rr, g_r, damping, inverse, rhs)
-    for g in range(len(H_xr)):
-        by_lower(inverse, H_xr[g], by_x[g])
+    solve_root(root, damping, inverse, rhs)
+    for g in range(len(by_x)):
+        by_lower(inverse, root.H_xr[g], by_x[g])
 
 
 @inner

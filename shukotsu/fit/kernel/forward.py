@@ -26,38 +26,64 @@ class Plan(NamedTuple):
     constant: Array
 
 
+class Terms(NamedTuple):
+    """K terms of O operations' amounts: coefficient * x[unknown] * y[state].
+
+    start : (O + 1,) where an operation's terms begin. unknown, state : (K,), -1 where left out; x_column,
+    y_column : (K,) their columns in the derivatives of their branch.
+    """
+
+    start: Index
+    coefficient: Array
+    unknown: Index
+    state: Index
+    x_column: Index
+    y_column: Index
+
+
+class Receivers(NamedTuple):
+    """N measured receivers: each one's mark in the chains and its number in the recording (N,).
+
+    start : (N + 1,) where the operations begin that move a receiver, which `operation` numbers. by_state :
+    (N, most s), by_unknown : (N, most g) whether it depends on that column's state or unknown.
+    """
+
+    mark: Index
+    number: Index
+    start: Index
+    operation: Index
+    by_state: npt.NDArray[np.bool_]
+    by_unknown: npt.NDArray[np.bool_]
+
+
+class Ranges(NamedTuple):
+    """Where each of B branches has its receivers, states and unknowns: starts (B + 1,), and what they number.
+
+    state : indices into y, unknown : into x.
+    """
+
+    receiver_start: Index
+    state_start: Index
+    state: Index
+    unknown_start: Index
+    unknown: Index
+
+
 class FlatChains(NamedTuple):
-    """B branches with O operations, K terms, M marks and N measured receivers, numbered throughout.
+    """Branches with O operations and M marks, numbered throughout.
 
     depth : side branches within each other at most. rotates, moves : (O,) whether an operation rotates, and
-    depends on states. terms_from : (O + 1,) where an operation's terms begin; coefficient, unknown, state :
-    (K,), -1 where left out; x_column, y_column : (K,) their places in their branch. mark, receiver : (N,).
-    upstream_from : (N + 1,) where the operations `upstream` begin that move a receiver; by_state (N, most s),
-    by_unknown (N, most g) : whether a branch's do. receivers_from, states_from, unknowns_from : (B + 1,).
+    depends on states; constant : (O,) of its amount.
     """
 
     plan: Plan
     depth: int
     rotates: npt.NDArray[np.bool_]
     moves: npt.NDArray[np.bool_]
-    amount: Array
-    terms_from: Index
-    coefficient: Array
-    unknown: Index
-    state: Index
-    x_column: Index
-    y_column: Index
-    mark: Index
-    receiver: Index
-    upstream_from: Index
-    upstream: Index
-    by_state: npt.NDArray[np.bool_]
-    by_unknown: npt.NDArray[np.bool_]
-    receivers_from: Index
-    states_from: Index
-    states: Index
-    unknowns_from: Index
-    unknowns: Index
+    constant: Array
+    terms: Terms
+    receivers: Receivers
+    ranges: Ranges
 
 
 class Amounts(NamedTuple):
@@ -129,12 +155,12 @@ def _move(R: Array, t: Array, constant: Array) -> None:
 
 
 @inner
-def _amount(chains: FlatChains, amounts: Amounts, o: int, y: Array, out: Array) -> None:
-    """Amount (F,) of an operation."""
+def _amount(terms: Terms, amounts: Amounts, o: int, y: Array, out: Array) -> None:
+    """Compute the amount (F,) of operation o."""
     for f in range(len(out)):
         out[f] = amounts.steady[o]
-    for k in range(chains.terms_from[o], chains.terms_from[o + 1]):
-        state = chains.state[k]
+    for k in range(terms.start[o], terms.start[o + 1]):
+        state = terms.state[k]
         if state >= 0:
             for f in range(len(out)):
                 out[f] += amounts.slope[k] * y[state, f]
@@ -151,11 +177,11 @@ def reach(chains: FlatChains, plan: Plan, amounts: Amounts, at: BranchPoses, rea
     for step in range(len(plan.kind)):
         kind, number, constant = plan.kind[step], plan.number[step], plan.constant[step]
         if kind == ROTATE:
-            _amount(chains, amounts, number, at.y, amount)
+            _amount(chains.terms, amounts, number, at.y, amount)
             copy(t, reached.origin_mm[number])
             _rotate(R, constant, amount, reached.axis[number])
         elif kind == TRANSLATE:
-            _amount(chains, amounts, number, at.y, amount)
+            _amount(chains.terms, amounts, number, at.y, amount)
             copy(t, reached.origin_mm[number])
             _translate(R, t, constant, amount, reached.axis[number])
         elif kind == MOVE:

@@ -11,9 +11,10 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.fit.kernel.compiled import compiled, copy, copy_matrices, fill, inlined
-from shukotsu.fit.kernel.derivatives import MeasuredPoses, Prior, ResidualArrays, jacobian, residuals
+from shukotsu.fit.kernel.derivatives import Derivatives, Evaluation, jacobian, residuals
 from shukotsu.fit.kernel.elimination import (
     EliminatedStates,
+    RootEquations,
     add_to_root,
     by_upper,
     eliminate,
@@ -21,68 +22,60 @@ from shukotsu.fit.kernel.elimination import (
     step_root,
     step_states,
 )
-from shukotsu.fit.kernel.forward import Amounts, BranchPoses, FlatChains, Plan, ReachedFrames, reach
+from shukotsu.fit.kernel.forward import BranchPoses, Plan, reach
 
 _FIRST_DAMPING, _DAMPING_STEP = 1e-3, 10.0
 
 
 class PosingBuffers(NamedTuple):
-    """Buffers in which a block of frames is posed: the point tried, residuals at the current one, the step of
-    roots.
+    """Buffers in which a block of frames is posed: the point tried, derivatives of one branch, states of all.
+
+    root_inverse (6, 6, F), root_rhs (6, F) : as in `Reduced`; d_root (6, F) : the step of roots.
     """
 
     tried: BranchPoses
-    reached: ReachedFrames
-    current: ResidualArrays
-    J_y: Array
-    J: Array
-    inverse: Array
-    by_rest: Array
-    rhs: Array
-    H_rr: Array
-    H_xr: Array
-    g_r: Array
+    derivatives: Derivatives
+    states: EliminatedStates
+    root: RootEquations
     root_inverse: Array
     root_rhs: Array
     d_root: Array
 
 
 @inlined
-def _step(
-    chains: FlatChains,
-    amounts: Amounts,
-    seen: MeasuredPoses,
-    prior: Prior,
-    damping: Array,
-    at: BranchPoses,
-    buffers: PosingBuffers,
-) -> None:
+def _step(now: Evaluation, damping: Array, buffers: PosingBuffers) -> None:
     """Try the step from a point where `reach` and `residuals` were, x being fixed."""
+    ranges, root = now.chains.ranges, buffers.root
     for i in range(6):
-        fill(0.0, buffers.H_rr[i])
-    fill(0.0, buffers.g_r)
-    for b in range(len(chains.states_from) - 1):
-        n_states = chains.states_from[b + 1] - chains.states_from[b]
-        part = EliminatedStates(buffers.inverse[b, :n_states], buffers.by_rest[b], buffers.rhs[b, :n_states])
-        J_y = buffers.J_y[:n_states]
-        jacobian(chains, amounts, buffers.reached, at, seen, buffers.current, prior.temper, b, J_y, buffers.J)
-        r = eliminate(chains, buffers.current, at, prior, damping, b, J_y, buffers.J, part)
-        add_to_root(chains, b, buffers.J, r, part, buffers.H_rr, buffers.H_xr, buffers.g_r)
-    solve_root(buffers.H_rr, buffers.g_r, damping, buffers.root_inverse, buffers.root_rhs)
+        fill(0.0, root.H_rr[i])
+    fill(0.0, root.g_r)
+    for b in range(len(ranges.state_start) - 1):
+        n_states = ranges.state_start[b + 1] - ranges.state_start[b]
+        states = _of_branch(buffers.states, b, n_states)
+        derivatives = Derivatives(buffers.derivatives.by_states[:n_states], buffers.derivatives.by_rest)
+        jacobian(now, b, derivatives)
+        r = eliminate(now, b, derivatives, damping, states)
+        add_to_root(now.chains, b, derivatives.by_rest, r, states, root)
+    solve_root(root, damping, buffers.root_inverse, buffers.root_rhs)
     by_upper(buffers.root_inverse, buffers.root_rhs, buffers.d_root)
     for i in range(6):
         for f in range(len(damping)):
             buffers.d_root[i, f] = -buffers.d_root[i, f]
-    copy(at.y, buffers.tried.y)
-    copy_matrices(at.root, buffers.tried.root)
-    copy(at.root_mm, buffers.tried.root_mm)
-    for b in range(len(chains.states_from) - 1):
-        states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
-        part = EliminatedStates(
-            buffers.inverse[b, : len(states)], buffers.by_rest[b], buffers.rhs[b, : len(states)]
+    copy(now.at.y, buffers.tried.y)
+    copy_matrices(now.at.root, buffers.tried.root)
+    copy(now.at.root_mm, buffers.tried.root_mm)
+    for b in range(len(ranges.state_start) - 1):
+        states_of_b = ranges.state[ranges.state_start[b] : ranges.state_start[b + 1]]
+        step_states(
+            states_of_b, _of_branch(buffers.states, b, len(states_of_b)), buffers.d_root, buffers.tried.y
         )
-        step_states(states, part, buffers.d_root, buffers.tried.y)
     step_root(buffers.d_root, buffers.tried.root, buffers.tried.root_mm)
+
+
+@inlined
+def _of_branch(states: EliminatedStates, b: int, n_states: int) -> EliminatedStates:
+    """One branch's part of the buffers for all."""
+    return EliminatedStates(states.inverse[b, :n_states], states.by_rest[b], states.rhs[b, :n_states])
 
 
 @inlined
@@ -97,55 +90,39 @@ def _take(f: int, tried: BranchPoses, at: BranchPoses) -> None:
 
 
 @inlined
-def _evaluate(
-    chains: FlatChains,
-    plan: Plan,
-    amounts: Amounts,
-    seen: MeasuredPoses,
-    prior: Prior,
-    at: BranchPoses,
-    buffers: PosingBuffers,
-) -> None:
-    reach(chains, plan, amounts, at, buffers.reached)
-    residuals(chains, buffers.reached, at, seen, prior, buffers.current)
+def _evaluate(evaluation: Evaluation, plan: Plan) -> None:
+    reach(evaluation.chains, plan, evaluation.amounts, evaluation.at, evaluation.reached)
+    residuals(evaluation)
 
 
 @compiled
-def pose(
-    chains: FlatChains,
-    plan: Plan,
-    amounts: Amounts,
-    seen: MeasuredPoses,
-    prior: Prior,
-    steps: int,
-    least_gain: float,
-    at: BranchPoses,
-    buffers: PosingBuffers,
-) -> None:
+def pose(now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: PosingBuffers) -> None:
     """Fit states and roots in place, x being fixed, each frame while a step gains the share least_gain.
 
     plan : condensed (see `condense`).
     """
-    n_going = n = len(buffers.current.cost)
+    current, tried = now.current, buffers.tried
+    then = Evaluation(now.chains, now.amounts, tried, now.seen, now.objective, now.reached, now.current)
+    n_going = n = len(current.cost)
     goes_on, damping, cost = np.ones(n, np.bool_), np.empty(n), np.empty(n)
-    _evaluate(chains, plan, amounts, seen, prior, at, buffers)
+    _evaluate(now, plan)
     for f in range(n):
-        cost[f], damping[f] = buffers.current.cost[f], _FIRST_DAMPING
+        cost[f], damping[f] = current.cost[f], _FIRST_DAMPING
     for _ in range(steps):
-        _step(chains, amounts, seen, prior, damping, at, buffers)
-        _evaluate(chains, plan, amounts, seen, prior, buffers.tried, buffers)
+        _step(now, damping, buffers)
+        _evaluate(then, plan)
         back = False
         for f in range(n):
-            if goes_on[f] and buffers.current.cost[f] <= cost[f]:
-                goes_on[f] = cost[f] - buffers.current.cost[f] > least_gain * cost[f]
+            if goes_on[f] and current.cost[f] <= cost[f]:
+                goes_on[f] = cost[f] - current.cost[f] > least_gain * cost[f]
                 n_going -= not goes_on[f]
-                cost[f] = buffers.current.cost[f]
+                cost[f] = current.cost[f]
                 damping[f] /= _DAMPING_STEP
-                _take(f, buffers.tried, at)
+                _take(f, tried, now.at)
             elif goes_on[f]:
                 damping[f] *= _DAMPING_STEP
                 back = True
         if not n_going:
             break
         if back:
-            _evaluate(chains, plan, amounts, seen, prior, at, buffers)
+            _evaluate(now, plan)

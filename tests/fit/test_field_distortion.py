@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.fit import FitSettings, fit_hand
-from shukotsu.fit.normal_equations import RoomField
-from shukotsu.hand.average_hand import prior
+from shukotsu.fit.normal_equations import FieldDistortion
+from shukotsu.hand.average_hand import PRIOR
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.layout import Layout
@@ -23,10 +23,10 @@ def test_the_fields_turn_is_undone() -> None:
     unknowns = Unknowns()
     unknowns.add("scale", "hand")
     place_mm = rng.uniform(-200, 200, (5, 3, 3))
-    field = RoomField.among(unknowns, place_mm.reshape(-1, 3))
+    field = FieldDistortion.among(unknowns, place_mm.reshape(-1, 3))
     x = np.append(0.0, rng.normal(size=12))
-    turn = x[1:4] * prior.FIELD_TURN_SD_RAD
-    slope = x[4:].reshape(3, 3) * prior.FIELD_SLOPE_SD_RAD_PER_MM
+    turn = x[1:4] * PRIOR.FIELD_TURN_SD_RAD
+    slope = x[4:].reshape(3, 3) * PRIOR.FIELD_SLOPE_SD_RAD_PER_MM
     turned = Rotation.from_rotvec((turn + (place_mm - field.centre_mm) @ slope.T).reshape(-1, 3))
     true = Rotation.random(15, random_state=1)
     measured = (turned * true).as_matrix().reshape(5, 3, 3, 3)
@@ -35,11 +35,11 @@ def test_the_fields_turn_is_undone() -> None:
 
 
 def test_the_field_grows_no_farther_than_receivers_were() -> None:
-    field = RoomField.among(Unknowns(), np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
+    field = FieldDistortion.among(Unknowns(), np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
     within, edge, beyond = field.by_unknown(np.array([[50.0, 0, 0], [100.0, 0, 0], [900.0, 0, 0]]))
     np.testing.assert_allclose(beyond, edge)
     np.testing.assert_allclose(2 * within[:, 3:], edge[:, 3:])
-    np.testing.assert_allclose(within[:, :3], prior.FIELD_TURN_SD_RAD * np.eye(3))
+    np.testing.assert_allclose(within[:, :3], PRIOR.FIELD_TURN_SD_RAD * np.eye(3))
 
 
 def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
@@ -59,8 +59,8 @@ def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
         quaternion = (turn * riding).as_quat(scalar_first=True).reshape(poses.quaternion.shape)
         noise_mm = rng.normal(0, 0.05, moved_mm.shape)
         held = replace(poses, position_mm=moved_mm + middle_mm + noise_mm, quaternion=quaternion)
-        evidence = fit_hand([held], layout, "right", settings=FitSettings(n_frames=60)).evidence
-        of_field = np.array(evidence.model.unknowns.groups) == "field turn"
-        turn_deg[name] = np.degrees(evidence.posterior.x[of_field] * prior.FIELD_TURN_SD_RAD)
+        fit = fit_hand([held], layout, "right", settings=FitSettings(n_frames=60))
+        of_field = np.array(fit.model.unknowns.groups) == "field turn"
+        turn_deg[name] = np.degrees(fit.posterior.x[of_field] * PRIOR.FIELD_TURN_SD_RAD)
     assert np.abs(turn_deg["none"]).max() < 0.25
     assert turn_deg["turned"] - turn_deg["none"] == pytest.approx(TURN_DEG, abs=0.35)
