@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -154,7 +153,7 @@ def test_a_study_is_compared_as_its_rows_say(fitted: StudyResults, held_out: boo
     seen = seen_in(fitted, TRUE_TIP, *PAIR, held_out=held_out)
     assert list(dict.fromkeys(seen["digit"])) == ["thumb", "index", "middle", "ring", "little"]
     for model in PAIR:
-        rows = [r for r in fitted.scores if (r["model"], r["held_out"]) == (model, held_out)]
+        rows = [r for r in fitted.rows.skeleton_scores if (r["model"], r["held_out"]) == (model, held_out)]
         values = [r["true_tip_mean_mm"] for r in rows if r["true_tip_mean_mm"] is not None]
         assert seen.loc[seen["model"] == model, "value"].mean() == pytest.approx(np.mean(values))
     assert set(seen.loc[seen["value"].isna(), "reason"]) == {"joint ring_dip failed"}
@@ -166,9 +165,9 @@ def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResult
         {**row, "error_mm": row["error_mm"] + 100.0}
         if row["calibrated_on"] == "opposition" and row["error_mm"] is not None
         else row
-        for row in fitted.joint_errors
+        for row in fitted.rows.joint_errors
     ]
-    moved = replace(fitted, joint_errors=rows)
+    moved = fitted.with_rows(joint_errors=rows)
     for model, made_from in (("whole-hand", "rom"), ("prior-only", "")):
         mine = [r for r in rows if (r["model"], r["calibrated_on"]) == (model, made_from)]
         little = [r["error_mm"] for r in mine if r["joint"].startswith("little")]
