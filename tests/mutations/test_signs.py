@@ -58,8 +58,8 @@ SIGNS = {
     ),
     "plane, direction of the slide": (
         "shukotsu/paper/plane.py",
-        "(plane_point_mm - point_mm)",
-        "(point_mm - plane_point_mm)",
+        "(np.array(plane.point_mm) - point_mm)",
+        "(point_mm - np.array(plane.point_mm))",
     ),
 }
 
