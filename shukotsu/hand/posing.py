@@ -196,7 +196,7 @@ class PosedRecording:
             `position` (time, bone, space) in mm and `rotation` (time, bone, quaternion), bone to transmitter
             frame, NaN in gaps. A bone has the name of the joint that it starts at; coordinates are its
             `segment` and its parent's name, and each time's `frame` number. Time is in s, or is the frame
-            number where the recording has no device times.
+            number unless every frame has a device time.
 
         Raises
         ------
