@@ -1,18 +1,17 @@
-"""Run a stage's script as a job of a study, in a fork of the warm process where there is one.
+"""Run a stage's script as a job of a study: `python -IS shukotsu/job.py SCRIPT [ARGUMENT ...]`.
 
 Starting Python and importing a stage's modules takes longer than the work of most jobs. On one machine the
 workflow therefore starts a process that has imported everything (`workflow.warm_process`), and a job is a
-fork of it: the script hands over its arguments, folder, environment and open files, and ends as the fork
-does. Elsewhere, and where that process is out of reach, the script does its work itself, to the same bytes.
+fork of it: this script hands over the arguments, folder, environment and open files, and ends as the fork
+does. Elsewhere, and where that process is out of reach, Python runs the stage's script instead, to the same
+bytes. Every job starts this script, so that it imports next to nothing.
 """
 
 from __future__ import annotations
 
-import json
+import _socket as socket  # the public module takes as long to import as Python takes to start
 import os
-import socket
 import sys
-from collections.abc import Callable, Sequence
 
 ADDRESS = "SHUKOTSU_JOBS"
 """Environment variable: the socket of the warm process."""
@@ -21,35 +20,53 @@ STARTED = b"+"
 KILLED = 137
 
 
-def run(main: Callable[[], int]) -> int:
-    """Run the `main` of the script that Python was started with; return its exit code."""
-    if ADDRESS not in os.environ:
-        return main()
-    status = run_in_fork([os.path.abspath(sys.argv[0]), *sys.argv[1:]])  # noqa: PTH100 - pathlib, see below
-    # the warm process has ended with its workflow, whose next run must find nobody at its files
-    if status is None and not os.path.isdir(os.path.dirname(os.environ[ADDRESS])):  # noqa: PTH112, PTH120
-        print("error: the workflow that started this job was killed", file=sys.stderr)
-        return KILLED
-    return main() if status is None else status
+def main() -> None:
+    """Run the script that the command line names; exit as it does."""
+    script, *arguments = sys.argv[1:]
+    if ADDRESS in os.environ:
+        status = run_in_fork([os.path.abspath(script), *arguments])  # noqa: PTH100 - pathlib is slow to import
+        # the warm process has ended with its workflow, whose next run must find nobody at its files
+        if status is None and not os.path.isdir(os.path.dirname(os.environ[ADDRESS])):  # noqa: PTH112, PTH120
+            print("error: the workflow that started this job was killed", file=sys.stderr)
+            status = KILLED
+        if status is not None:
+            sys.exit(status)
+    os.execv(sys.executable, [sys.executable, script, *arguments])
 
 
-def run_in_fork(argv: Sequence[str]) -> int | None:
+def run_in_fork(argv: list[str]) -> int | None:
     """Run the job in a fork of the warm process; return its exit code, or None if it was not started."""
-    with socket.socket(socket.AF_UNIX) as connection:
-        try:
-            connection.connect(os.environ[ADDRESS])
-            folder = os.getcwd()  # noqa: PTH109 - pathlib takes longer to import than all of this
-            request = {"argv": list(argv), "folder": folder, "environment": dict(os.environ)}
-            encoded = json.dumps(request).encode()
-            socket.send_fds(connection, [len(encoded).to_bytes(LENGTH_BYTES, "little")], [0, 1, 2])
-            connection.sendall(encoded)
-            started = connection.recv(1) == STARTED
-        except (KeyError, OSError):
-            return None
-        if not started:
-            return None
-        status = connection.recv(1)
+    connection = socket.socket(socket.AF_UNIX)
+    try:
+        connection.connect(os.environ[ADDRESS])
+        request = request_of(os.getcwd(), argv)  # noqa: PTH109
+        streams = b"".join(stream.to_bytes(4, sys.byteorder) for stream in (0, 1, 2))
+        length = len(request).to_bytes(LENGTH_BYTES, "little")
+        connection.sendmsg([length], [(socket.SOL_SOCKET, socket.SCM_RIGHTS, streams)])
+        connection.sendall(request)
+        started = connection.recv(1) == STARTED
+    except OSError:
+        return None
+    if not started:
+        return None
+    status = connection.recv(1)
     if not status:
         print("error: the job's process was killed before its end", file=sys.stderr)
         return KILLED
     return status[0]
+
+
+def request_of(folder: str, argv: list[str]) -> bytes:
+    """Encode a job: its folder, the number of its words, these, and its environment, apart by NUL."""
+    environment = (f"{name}={value}" for name, value in os.environ.items())
+    return b"\0".join(map(os.fsencode, (folder, str(len(argv)), *argv, *environment)))
+
+
+def job_of(request: bytes) -> tuple[str, list[str], dict[str, str]]:
+    """Return folder, words and environment of a request."""
+    folder, count, *words = map(os.fsdecode, request.split(b"\0"))
+    return folder, words[: int(count)], dict(word.split("=", 1) for word in words[int(count) :])
+
+
+if __name__ == "__main__":
+    main()

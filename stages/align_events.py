@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 
 if TYPE_CHECKING:
@@ -82,4 +82,4 @@ main = subject_stage.script(build_parser, align, WRITES, lambda arguments, _: re
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

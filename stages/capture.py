@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.readers.import_recording import build_parser, import_recording, record_failure
 
 main = command_line.script(build_parser, import_recording, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

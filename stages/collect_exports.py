@@ -8,7 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.tables.whole_files import replacing
 
 
@@ -47,4 +47,4 @@ main = command_line.script(build_parser, collect)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

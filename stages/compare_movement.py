@@ -6,7 +6,7 @@ import argparse
 import sys
 from functools import partial
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 
 build_parser = partial(
     command_line.study_parser,
@@ -37,4 +37,4 @@ main = command_line.script(build_parser, compare)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

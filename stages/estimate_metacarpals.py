@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 
 WRITES = {"out_joints": "joint_centres", "out_bones": "bone_lengths", "out": "metacarpals"}
@@ -48,4 +48,4 @@ main = subject_stage.script(build_parser, estimate, WRITES)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 from shukotsu.study.results import SKELETON_TABLES
 
@@ -55,4 +55,4 @@ main = subject_stage.script(build_parser, evaluate, WRITES, subject_stage.hands_
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 from shukotsu.study.results import SKELETON_TABLES
 
@@ -59,4 +59,4 @@ main = command_line.script(build_parser, export, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 from shukotsu.study.results import FIT_TABLES
 
@@ -83,4 +83,4 @@ main = subject_stage.script(build_parser, fit, WRITES, parts, each_hand)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 from shukotsu.study.results import MEASURED_TABLES, SKELETON_TABLES
 
@@ -58,4 +58,4 @@ main = subject_stage.script(build_parser, measure, WRITES, parts)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

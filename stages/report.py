@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.errors import InputError
 
 
@@ -69,4 +69,4 @@ main = command_line.script(build_parser, report, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 
 ANATOMIES = ("blend", "ct", "xray", "buchholz", "myohand")
 REALISM_OPTIONS = ("anatomy", "mounts", "artefact", "faults")
@@ -105,4 +105,4 @@ main = command_line.script(build_parser, write_simulation)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 from shukotsu.study import subject_stage
 
 WRITES = {"out": "joint_solutions"}
@@ -61,4 +61,4 @@ main = subject_stage.script(build_parser, solve, WRITES)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from shukotsu import command_line, job
+from shukotsu import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -47,4 +47,4 @@ main = command_line.script(build_parser, write_pages, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())

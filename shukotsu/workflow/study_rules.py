@@ -15,6 +15,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.io import report
 from snakemake.logging import logger
 
+from shukotsu import job
 from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
@@ -47,6 +48,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         os.environ.update(PYTHONSAFEPATH="1")
     # start of the rules' commands; a path in them would make a moved checkout run everything again
     os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_STAGES=str(ROOT / "stages"))
+    os.environ.update(SHUKOTSU_JOB=job.__file__)
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []

@@ -9,7 +9,6 @@ from __future__ import annotations
 import atexit
 import gc
 import importlib
-import json
 import os
 import pkgutil
 import select
@@ -111,17 +110,16 @@ def _status_of_job(connection: socket.socket) -> int:
         # take over its standard streams, folder and environment
         header, streams, _, _ = socket.recv_fds(connection, job.LENGTH_BYTES, 3)
         with connection.makefile("rb") as stream:
-            request = json.loads(stream.read(int.from_bytes(header, "little")))
+            folder, argv, environment = job.job_of(stream.read(int.from_bytes(header, "little")))
         for number, descriptor in enumerate(streams):
             os.dup2(descriptor, number)
             os.close(descriptor)
         # reopened, since the old streams treat the new pipe as the former file
         sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115
         sys.stderr = open(2, "w", 1, sys.stderr.encoding, "backslashreplace", closefd=False)  # noqa: SIM115
-        os.chdir(request["folder"])
+        os.chdir(folder)
         os.environ.clear()
-        os.environ.update(request["environment"])
-        argv: list[str] = request["argv"]
+        os.environ.update(environment)
         connection.sendall(job.STARTED)
         threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
         return command_line.run_script(argv[0], argv[1:])

@@ -24,6 +24,7 @@ from shukotsu.simulate.simulation import simulate
 from shukotsu.workflow import warm_process
 
 WAITING = Path(__file__).with_name("waiting_job.py")
+JOB = sys.executable, "-IS", job.__file__
 SOLVE = STAGES / "solve_joints.py"
 LIGHT = (
     "import socket, sys; from shukotsu.workflow import warm_process as w; "
@@ -42,7 +43,7 @@ def wait_for(true: Callable[[], object]) -> None:
 
 def done(folder: Path, *words: object, script: Path = SOLVE, address: str | None = None) -> tuple[int, str]:
     environment = os.environ | ({} if address is None else {job.ADDRESS: address})
-    argv = [sys.executable, script, *map(str, words)]
+    argv = [*JOB, script, *map(str, words)]
     ended = subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     return ended.returncode, ended.stderr
 
@@ -101,7 +102,7 @@ def test_a_fork_writes_the_same_bytes_into_the_folder_of_its_client(
 @pytest.fixture
 def waiting(warm: psutil.Process, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    with subprocess.Popen([sys.executable, WAITING], cwd=tmp_path, text=True, **pipes) as client:
+    with subprocess.Popen([*JOB, WAITING], cwd=tmp_path, text=True, **pipes) as client:
         assert client.stdout is not None
         assert client.stdout.readline() == "begun\n"
         wait_for(lambda: len(forks(warm)) == 1)
@@ -131,7 +132,7 @@ ORPHAN = """
 import subprocess, sys, time
 from shukotsu.workflow import warm_process
 print(warm_process.start().pid, flush=True)
-subprocess.Popen([sys.executable, sys.argv[1]])
+subprocess.Popen(sys.argv[1:])
 time.sleep(600)
 """
 
@@ -142,7 +143,7 @@ def test_jobs_end_with_a_workflow_that_is_killed() -> None:
     with tempfile.TemporaryDirectory() as name:  # short enough for a socket's path (107 bytes)
         environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": name}
         environment.pop(job.ADDRESS, None)
-        words = [sys.executable, "-c", ORPHAN, str(WAITING)]
+        words = [sys.executable, "-c", ORPHAN, *JOB, str(WAITING)]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         with subprocess.Popen(words, env=environment, text=True, **pipes) as workflow:
             assert workflow.stdout is not None

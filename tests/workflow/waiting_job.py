@@ -2,8 +2,6 @@
 
 import sys
 
-from shukotsu import job
-
 
 def main(argv: list[str] | None = None) -> int:
     """Wait; the exit code is 7."""
@@ -14,4 +12,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(job.run(main))
+    sys.exit(main())
