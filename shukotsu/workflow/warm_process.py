@@ -33,6 +33,12 @@ ROOMS = (
 PACKAGES = ("pyarrow.compute", "pyarrow.parquet", "jsonschema", *(f"shukotsu.{room}" for room in ROOMS))
 """Modules imported before the first fork; of a package of this project, all its modules."""
 WAITING = 128
+KEEP_MEMORY = {
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 28),
+    "MALLOC_TOP_PAD_": str(1 << 24),
+}
+"""Settings of glibc: arrays that are freed are used again, not returned to the system and cleared anew."""
 
 
 def start() -> subprocess.Popen[bytes] | None:
@@ -52,7 +58,9 @@ def start() -> subprocess.Popen[bytes] | None:
             [sys.executable, "-m", "shukotsu.workflow.warm_process", str(listener.fileno())],
             stdin=subprocess.PIPE,  # never written to; the system closes it when this process ends
             pass_fds=[listener.fileno()],
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONSAFEPATH": "1"},
+            env=os.environ
+            | KEEP_MEMORY
+            | {"PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONSAFEPATH": "1"},
         )
         atexit.register(process.communicate)
         os.environ[job.ADDRESS] = address
