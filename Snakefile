@@ -1,5 +1,6 @@
 # From recordings to a report, one rule a section of the paper. Rules wire files to stages and hold no logic.
-# {params.arguments} are the named inputs and outputs of a rule, each as the option of that name of its stage.
+# {params.stages} is Python and the folder of the stages' scripts; {params.arguments} are the named inputs and
+# outputs of a rule, each as the option of that name of its stage.
 # Each also has a log, a message and what tells when it is to run again: shukotsu/workflow/study_rules.py.
 
 import sys
@@ -39,7 +40,7 @@ rule plan:  # what the stages need to know of the study about a subject
     params:  # a function of `output` is no reason to run again: changed plans are written when a run begins
         options=lambda wildcards, output: f"{study.options} {study.subject_options(wildcards)}",
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/plan.py {params.options} --out {output} 2> {log}'
+        "{params.stages}/plan.py {params.options} --out {output} 2> {log}"
 
 
 rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
@@ -50,7 +51,7 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
         subject=study.subject_options,
         seed=study.seed,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q} --seed {params.seed} {params.arguments} 2> {log}'
+        "{params.stages}/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q} --seed {params.seed} {params.arguments} 2> {log}"
 
 
 rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
@@ -62,7 +63,7 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
     params:
         layout=study.layout_digest,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/stream.py {params.arguments} 2> {log}'
+        "{params.stages}/stream.py {params.arguments} 2> {log}"
 
 
 rule capture:  # section 2: a recording -> its poses
@@ -78,7 +79,7 @@ rule capture:  # section 2: a recording -> its poses
         options=study.import_options,
         files=study.recording_digest,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}'
+        "{params.stages}/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}"
 
 
 rule check_recordings:  # not in the paper: what was declared, against what the poses say
@@ -91,7 +92,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     params:
         plan=study.recordings_plan,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/check_recordings.py --record-failure {params.arguments} > /dev/null 2> {log}'
+        "{params.stages}/check_recordings.py --record-failure {params.arguments} > /dev/null 2> {log}"
 
 
 rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
@@ -107,7 +108,7 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
         files=study.event_digest,
         plan=study.recordings_plan,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/align_events.py --record-failure {params.arguments} 2> {log}'
+        "{params.stages}/align_events.py --record-failure {params.arguments} 2> {log}"
 
 
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
@@ -118,7 +119,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     resources:
         **study.resources(1, 5),
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/solve_joints.py --record-failure {params.arguments} 2> {log}'
+        "{params.stages}/solve_joints.py --record-failure {params.arguments} 2> {log}"
 
 
 rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
@@ -127,7 +128,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     output:
         out=f"{subject}/projected_joints.parquet",
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/project_planes.py --record-failure {params.arguments} 2> {log}'
+        "{params.stages}/project_planes.py --record-failure {params.arguments} 2> {log}"
 
 
 rule fit_hand:  # not in the paper: a whole hand at once, and its recordings posed with it
@@ -143,7 +144,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         model=study.model,
         hands=["--hand={hand}", f"--out={fit}"],
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/fit_hand.py --record-failure {params.arguments} --model {params.model:q} {params.hands:q} 2> {log}'
+        "{params.stages}/fit_hand.py --record-failure {params.arguments} --model {params.model:q} {params.hands:q} 2> {log}"
 
 
 use rule fit_hand as fit_hands with:  # a person's two in one job, each of them once
@@ -168,7 +169,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
     resources:
         **study.resources(1, 10),
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/estimate_metacarpals.py --record-failure {params.arguments} 2> {log}'
+        "{params.stages}/estimate_metacarpals.py --record-failure {params.arguments} 2> {log}"
 
 
 rule evaluate_tips:  # section 6: replay and tip errors
@@ -180,7 +181,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
     resources:
         **study.resources(1, 10),
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/evaluate_tips.py --record-failure {params.arguments} 2> {log}'
+        "{params.stages}/evaluate_tips.py --record-failure {params.arguments} 2> {log}"
 
 
 rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
@@ -202,7 +203,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     resources:
         **study.resources(2, 10, 2200),
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/evaluate_skeletons.py --record-failure {params.arguments} 2> {log}'
+        "{params.stages}/evaluate_skeletons.py --record-failure {params.arguments} 2> {log}"
 
 
 rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the fingertips, strokes at events
@@ -218,7 +219,7 @@ rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the 
     params:
         out=f"--out={subject}",
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/measure_movement.py --record-failure {params.arguments} {params.out:q} 2> {log}'
+        "{params.stages}/measure_movement.py --record-failure {params.arguments} {params.out:q} 2> {log}"
 
 
 rule gather:  # the study's short tables, and what went wrong
@@ -230,7 +231,7 @@ rule gather:  # the study's short tables, and what went wrong
         study.study_tables,
         f"{results}/resolved.yaml",
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/gather.py {params.study} 2> {log}'
+        "{params.stages}/gather.py {params.study} 2> {log}"
 
 
 rule compare_models:  # not in the paper: how the skeleton models differ over the subjects
@@ -240,7 +241,7 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
     output:
         study.model_comparisons,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/compare_models.py {params.study} 2> {log}'
+        "{params.stages}/compare_models.py {params.study} 2> {log}"
 
 
 rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
@@ -250,7 +251,7 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
     output:
         study.movement_comparisons,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/compare_movement.py {params.study} 2> {log}'
+        "{params.stages}/compare_movement.py {params.study} 2> {log}"
 
 
 rule export:  # skeletons and their motion for other programs
@@ -265,7 +266,7 @@ rule export:  # skeletons and their motion for other programs
         formats=",".join(study.export_formats),
         options=study.export_options,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/export.py --record-failure {params.arguments} --formats {params.formats} {params.options} > /dev/null 2> {log}'
+        "{params.stages}/export.py --record-failure {params.arguments} --formats {params.formats} {params.options} > /dev/null 2> {log}"
 
 
 rule export_dataset:  # all recordings as one Motion-BIDS dataset
@@ -279,7 +280,7 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
         options=study.export_options,
         participants=study.participants,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/export.py --record-failure --plan {input.plans} --formats bids {params.options} {params.participants}'
+        "{params.stages}/export.py --record-failure --plan {input.plans} --formats bids {params.options} {params.participants}"
         " --out {output} > /dev/null 2> {log}"
 
 
@@ -291,7 +292,7 @@ rule export_tables:  # the study's tables for R and others, with a data dictiona
     params:
         name=study.study.name,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/export_tables.py {params.arguments} --study {params.name:q} 2> {log}'
+        "{params.stages}/export_tables.py {params.arguments} --study {params.name:q} 2> {log}"
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
@@ -300,7 +301,7 @@ rule collect_exports:  # of all subjects in one flat folder, by links: they take
     output:
         out=directory(f"{results}/exports"),
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/collect_exports.py {params.arguments} 2> {log}'
+        "{params.stages}/collect_exports.py {params.arguments} 2> {log}"
 
 
 rule report:  # it names the pages that could not be made
@@ -313,7 +314,7 @@ rule report:  # it names the pages that could not be made
     output:
         study_rules.report_page(study),
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/report.py {params.study} --out {output} 2> {log}'
+        "{params.stages}/report.py {params.study} --out {output} 2> {log}"
 
 
 rule subject_pages:  # the report's pages of a subject and of each of its recordings
@@ -327,7 +328,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
     params:
         language=study.study.language,
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/subject_pages.py --record-failure --plan {input.plan} --out {output} --language {params.language} 2> {log}'
+        "{params.stages}/subject_pages.py --record-failure --plan {input.plan} --out {output} --language {params.language} 2> {log}"
 
 
 rule print_figures:  # the study's figures for print; each is written, if only to say what it lacks
@@ -341,7 +342,7 @@ rule print_figures:  # the study's figures for print; each is written, if only t
     params:
         out=f"--out={results}/figures",
     shell:
-        '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"/print_figures.py --record-failure {params.study} {params.out:q} 2> {log}'
+        "{params.stages}/print_figures.py --record-failure {params.study} {params.out:q} 2> {log}"
 
 
 study_rules.complete(workflow, study, workflow.snakefile)

@@ -101,7 +101,7 @@ def test_no_modules_import_in_a_circle() -> None:
 
 def test_stages_are_scripts_that_nothing_imports() -> None:
     scripts = sorted((REPOSITORY / "stages").iterdir())
-    rules = re.findall(r'"\$SHUKOTSU_STAGES"/(\w+\.py)', (REPOSITORY / "Snakefile").read_text("utf-8"))
+    rules = re.findall(r"\{params\.stages\}/(\w+\.py)", (REPOSITORY / "Snakefile").read_text("utf-8"))
     assert {path.name for path in scripts if path.name != "__pycache__"} == {*rules}
     sources = [*modules().values(), *scripts, *(REPOSITORY / "tests").rglob("*.py")]
     imported = [

@@ -30,6 +30,9 @@ CAPTIONS = PACKAGE / "report" / "captions"
 
 WILDCARDS = dict.fromkeys(("subject", "hand", "task", "recording", "model"), "[^/]+") | {"hand": "right|left"}
 """Allowed values of wildcards."""
+STAGES_VARIABLES = "SHUKOTSU_PYTHON", "SHUKOTSU_JOB", "SHUKOTSU_STAGES"
+STAGES = '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"'
+"""Start of the rules' commands; a path in them would make a moved checkout run everything again."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
 """Names of wildcards in messages."""
 
@@ -46,9 +49,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
     if not is_module:  # no module is imported from the working folder
         os.environ.update(PYTHONSAFEPATH="1")
-    # start of the rules' commands; a path in them would make a moved checkout run everything again
-    os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_STAGES=str(ROOT / "stages"))
-    os.environ.update(SHUKOTSU_JOB=job.__file__)
+    paths_of_stages = sys.executable, job.__file__, str(ROOT / "stages")
+    os.environ.update(zip(STAGES_VARIABLES, paths_of_stages, strict=True))
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
@@ -107,7 +109,7 @@ def _note(*notes: str) -> None:
 
 
 def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
-    """Set log, message, arguments, and params that trigger a rerun, for every rule of the Snakefile.
+    """Set every rule's log, message, parts of its command, and params that trigger a rerun.
 
     The last are the program's digest, and those of what inputs of these names say: the subject's plan, all
     plans, the study's configuration. A rule that uses a part of a plan has its own.
@@ -129,6 +131,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or progress.OF_STUDY}"
+        rule.set_params(stages=STAGES)
         if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
             continue
         rule.set_params(code=code)
