@@ -33,6 +33,8 @@ HEADER = "subject\thand\ttask\trole\tfile\texclude"
 
 CORES = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
 """For a study, unless a test says how many: workers share the machine."""
+ALL_BUT_FIGURES = ("--omit-from", "print_figures")
+"""For a study whose figures nobody looks at: words of a run."""
 _JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,12 +23,13 @@ LAB_FILES = {
     "P01\tright\tscales\tevaluation\tp01_scales.csv\n",
     "participants.tsv": "subject\thand_length_mm\thand_breadth_mm\nP01\t185\t82\n",
 }
-STUDY = "study: piano\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [rigid, paper-fig4]\n"
 TAKE_FILES = """if [ "$PWD" != "$START" ] && [ -f study.yaml ]; then
-    cp -f "$LAB"/* .
-    sed -i "s/^models: .*/models: [rigid, paper-fig4]/" study.yaml
+    cp -rf "$LAB"/* .
 fi"""
-"""What a reader does in a new study folder: copies recordings into it, edits sheets and models."""
+"""What a reader does in a new study folder: copies recordings into it, edits sheets and models.
+
+The study was run there, as the pages say, so that each page has its results.
+"""
 
 pytestmark = pytest.mark.slow
 
@@ -74,14 +76,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("lab")
-    write_lab_files(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str, str]:
+def programs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Programs on the path as after `source .venv/bin/activate`; nothing opens a window."""
     programs = tmp_path_factory.mktemp("programs")
     for name, words in {"shukotsu": "-P -m shukotsu", "python": ""}.items():
@@ -93,18 +88,34 @@ def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str
         "PYTHONPATH": str(REPOSITORY),
         "BROWSER": "true",
         "MPLBACKEND": "agg",
-        "LAB": str(lab),
     }
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory, programs: dict[str, str]) -> Path:
+    """A new study's folder, with recordings and results."""
+    folder = tmp_path_factory.mktemp("lab") / "piano"
+    subprocess.run(["shukotsu", "new", str(folder)], env=programs, check=True)
+    write_lab_files(folder)
+    study = folder / "study.yaml"
+    study.write_text(re.sub("(?m)^models: .*", "models: [rigid, paper-fig4]", study.read_text("utf-8")))
+    subprocess.run(["shukotsu", "run"], cwd=folder, env=programs, check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def environment(programs: dict[str, str], lab: Path) -> dict[str, str]:
+    return programs | {"LAB": str(lab)}
 
 
 @pytest.mark.parametrize("page", RUN_PAGES, ids=lambda page: page.name)
 def test_blocks_of_a_page_run(
-    page: Path, finished: Path, environment: dict[str, str], tmp_path: Path
+    page: Path, finished: Path, lab: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     folder = tmp_path / "reader"
     shutil.copytree(finished, folder, symlinks=True)
     if "results/piano" in page.read_text("utf-8"):  # the study that the page speaks of
-        (folder / "study.yaml").write_text(STUDY, "utf-8")
+        shutil.copytree(lab, folder, dirs_exist_ok=True)
     (folder / ".venv").symlink_to(Path(sys.prefix))
     for name, lines in scripts(page).items():
         (folder / name).write_text(lines, "utf-8")

@@ -56,6 +56,7 @@ NEEDED = {
 }
 """What makes a table that is asked for."""
 FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
+KERNEL = Path("shukotsu", "fit", "kernel")
 Command = tuple[str, ...]
 
 
@@ -287,7 +288,10 @@ def copy(study: StudyRun, tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     """A copy of the study and its program in a folder at another depth, with other times."""
     base = tmp_path_factory.mktemp("deeper") / "and" / "copy"
     shutil.copytree(study.folder.parent, base, copy_function=shutil.copyfile)
-    return StudyRun(base / "study" / study.file.name, base / "study", base / study.repository.name)
+    program = base / study.repository.name
+    for path in (study.repository / KERNEL).glob("*.py"):  # whose machine code goes by their times
+        shutil.copystat(path, program / KERNEL / path.name)
+    return StudyRun(base / "study" / study.file.name, base / "study", program)
 
 
 def rules(jobs: set[Job]) -> set[str]:
