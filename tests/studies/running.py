@@ -100,6 +100,18 @@ class StudyRun:
         return self.results.report.read_text("utf-8")
 
 
+def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a folder, as somebody who has installed the program."""
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "shukotsu", *argv],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:
     """Write a study file, NAME.yaml, and its sheet of recordings, NAME.tsv.
 

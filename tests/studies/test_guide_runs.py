@@ -14,7 +14,7 @@ import duckdb
 import pytest
 from browser import browser  # noqa: F401
 from guide_pages import PAGES, REPOSITORY, Block, blocks
-from studies.running import SHORT_FIT, record, write_study
+from studies.running import SHORT_FIT, record, shukotsu, write_study
 
 FRAMES = 400
 MODELS = ["rigid", "paper-fig4", "whole-hand.yaml"]
@@ -76,7 +76,19 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def programs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new study's folder, with recordings and results."""
+    folder = tmp_path_factory.mktemp("lab") / "piano"
+    shukotsu(folder.parent, "new", "piano").check_returncode()
+    write_lab_files(folder)
+    study = folder / "study.yaml"
+    study.write_text(re.sub("(?m)^models: .*", "models: [rigid, paper-fig4]", study.read_text("utf-8")))
+    shukotsu(folder, "run").check_returncode()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str, str]:
     """Programs on the path as after `source .venv/bin/activate`; nothing opens a window."""
     programs = tmp_path_factory.mktemp("programs")
     for name, words in {"shukotsu": "-P -m shukotsu", "python": ""}.items():
@@ -88,24 +100,8 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "PYTHONPATH": str(REPOSITORY),
         "BROWSER": "true",
         "MPLBACKEND": "agg",
+        "LAB": str(lab),
     }
-
-
-@pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory, programs: dict[str, str]) -> Path:
-    """A new study's folder, with recordings and results."""
-    folder = tmp_path_factory.mktemp("lab") / "piano"
-    subprocess.run(["shukotsu", "new", str(folder)], env=programs, check=True)
-    write_lab_files(folder)
-    study = folder / "study.yaml"
-    study.write_text(re.sub("(?m)^models: .*", "models: [rigid, paper-fig4]", study.read_text("utf-8")))
-    subprocess.run(["shukotsu", "run"], cwd=folder, env=programs, check=True)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def environment(programs: dict[str, str], lab: Path) -> dict[str, str]:
-    return programs | {"LAB": str(lab)}
 
 
 @pytest.mark.parametrize("page", RUN_PAGES, ids=lambda page: page.name)

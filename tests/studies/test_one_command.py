@@ -12,20 +12,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from studies.running import REPOSITORY, record, write_study
+from studies.running import REPOSITORY, record, shukotsu, write_study
 
 pytestmark = pytest.mark.slow
-
-
-def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", "-m", "shukotsu", *argv],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from program_files import BESIDE
+from program_files import BESIDE, REPOSITORY
 from sample_files import RECORDINGS, midi_of
 from studies.running import SHORT_FIT, Job, StudyRun, copy_of_the_program, hashes, record, write_study
 
@@ -35,17 +35,9 @@ CONFIGURED = {"plan"}
 """Rules of which the content of the study file and its sheets is a parameter."""
 OF_THE_STUDY = ("gather", "compare_models", "compare_movement", "export_dataset", "report", "print_figures")
 """Rules that read the study file and its sheets."""
-EVERYTHING = {"capture", "check_recordings", "align_events", "solve_joints", "fit_hand", "project_planes"}
-EVERYTHING |= {
-    "fit_hands",
-    "estimate_metacarpals",
-    "evaluate_tips",
-    "evaluate_skeletons",
-    "measure_movement",
-    "gather",
-}
-EVERYTHING |= {"fit_hands", "compare_models", "compare_movement", "report", "subject_pages", "print_figures"}
-EVERYTHING |= {"export", "export_dataset", "export_tables", "collect_exports"}
+RULES = re.findall(r"(?m)^(?:use rule \w+ as|rule) (\w+)", (REPOSITORY / "Snakefile").read_text("utf-8"))
+EVERYTHING = {*RULES} - {"all", "plan", "simulate", "stream"}
+"""What runs again with another program: no plan, which is written when a run begins, nor what simulates."""
 UP_TO_JOINTS = {"plan", "capture", "check_recordings", "solve_joints"}
 NEEDED = {
     "sub-01/right/rom/poses.parquet": {"capture"},
