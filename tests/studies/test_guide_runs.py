@@ -14,7 +14,7 @@ import duckdb
 import pytest
 from browser import browser  # noqa: F401
 from guide_pages import PAGES, REPOSITORY, Block, blocks
-from studies.running import SHORT_FIT, record, shukotsu, write_study
+from studies.running import ALL_BUT_FIGURES, SHORT_FIT, record, shukotsu, write_study
 
 FRAMES = 400
 MODELS = ["rigid", "paper-fig4", "whole-hand.yaml"]
@@ -66,7 +66,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         record(folder / "captures" / name, subject=subject, task=task, frames=FRAMES)
         rows.append(f"{subject}\tright\t{task}\t{role}\tcaptures/{name}\t")
     (folder / "whole-hand.yaml").write_text(SHORT_FIT.replace("fitted", "whole-hand", 1), "utf-8")
-    write_study(folder, "demo", rows, MODELS, exports="[glb]").run()
+    write_study(folder, "demo", rows, MODELS, exports="[glb]").run(*ALL_BUT_FIGURES)
     (folder / "config").mkdir()
     for name in ("demo.yaml", "demo.tsv", "whole-hand.yaml"):
         text = (folder / name).read_text("utf-8").replace("captures/", "../captures/")
