@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 from packaging.requirements import Requirement
-from program_files import REPOSITORY, program_files
+from program_files import REPOSITORY, printed_by, program_files
 
 import shukotsu
 from shukotsu.resources import VERSION
@@ -53,9 +53,7 @@ rule own:
 def run(*command: str | Path, folder: Path) -> str:
     """Run a command to its end without this process's PYTHONPATH; give what it printed."""
     environ = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    done = subprocess.run(command, cwd=folder, env=environ, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
-    return done.stdout
+    return printed_by(*command, cwd=folder, env=environ)
 
 
 def test_what_is_imported_is_declared() -> None:

@@ -1,7 +1,6 @@
 """As the guide says: an hour of a hand fits in 1 GB."""
 
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,13 +9,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from program_files import REPOSITORY, printed_by
 from simulated_poses import recorded
 
 from shukotsu.commands.run_stage import STAGES
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.typed_table import ROW_GROUP_ROWS, Provenance, write_table_in_parts
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 HOUR = 3600 * 240
 MOST_BYTES = 10**9
 
@@ -29,15 +28,10 @@ PEAK = (
 
 def peak_bytes(stage: str, *argv: object) -> int:
     """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
-    words = [*map(str, argv), "--layout", "liberty16", "--model", "paper-fig4"]
-    finished = subprocess.run(
-        [sys.executable, "-c", PEAK, STAGES / f"{stage}.py", *words],
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return int(finished.stdout.split()[-1]) * 1024
+    words = [*argv, "--layout", "liberty16", "--model", "paper-fig4"]
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
+    printed = printed_by(sys.executable, "-c", PEAK, STAGES / f"{stage}.py", *words, env=environment)
+    return int(printed.split()[-1]) * 1024
 
 
 def long_poses(path: Path, n_frames: int) -> Path:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from program_files import BESIDE, REPOSITORY
+from program_files import BESIDE, REPOSITORY, run_python
 
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
@@ -102,14 +102,7 @@ class StudyRun:
 
 def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
     """Run a command in a folder, as somebody who has installed the program."""
-    return subprocess.run(
-        [sys.executable, "-P", "-m", "shukotsu", *argv],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return run_python(folder, "-m", "shukotsu", *argv)
 
 
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
 import sys
 from itertools import product
 from pathlib import Path
@@ -14,6 +13,7 @@ import duckdb
 import pytest
 from browser import browser  # noqa: F401
 from guide_pages import PAGES, REPOSITORY, Block, blocks
+from program_files import printed_by
 from studies.running import ALL_BUT_FIGURES, SHORT_FIT, record, shukotsu, write_study
 
 FRAMES = 400
@@ -35,7 +35,6 @@ pytestmark = pytest.mark.slow
 
 SHELLS = ("sh", "bash", "shell", "console")
 RUN_NOTEBOOK = REPOSITORY / "tests" / "report_samples" / "run_notebook.py"
-MOST_SECONDS = 900
 
 
 def write_lab_files(folder: Path) -> None:
@@ -116,16 +115,7 @@ def test_blocks_of_a_page_run(
     for name, lines in scripts(page).items():
         (folder / name).write_text(lines, "utf-8")
         program = [sys.executable] if name.endswith(".py") else ["bash"]
-        done = subprocess.run(
-            [*program, name],
-            cwd=folder,
-            env=environment | {"START": str(folder)},
-            capture_output=True,
-            text=True,
-            timeout=MOST_SECONDS,
-            check=False,
-        )
-        assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+        printed_by(*program, name, cwd=folder, env=environment | {"START": str(folder)})
 
 
 def scripts(page: Path) -> dict[str, str]:
@@ -152,9 +142,7 @@ def test_the_notebook_answers_its_question(
     finished: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     picture = tmp_path / "picture.png"
-    command = [sys.executable, str(RUN_NOTEBOOK), str(finished), str(picture)]
     inline = environment | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
-    done = subprocess.run(command, env=inline, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "moved most of the joints to believe: " in done.stdout
+    printed = printed_by(sys.executable, RUN_NOTEBOOK, finished, picture, env=inline)
+    assert "moved most of the joints to believe: " in printed
     assert picture.stat().st_size > 10_000
