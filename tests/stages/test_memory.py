@@ -63,17 +63,16 @@ def long_poses(path: Path, n_frames: int) -> Path:
 def test_joints_metacarpals_and_tips_of_an_hour_stay_within_a_gigabyte(tmp_path: Path) -> None:
     """16 receivers at 240 Hz, calibrated on and evaluated.
 
-    Joints take no more than those of ten minutes, from where batches are as many as they get and a row group
-    is full.
+    Joints take no more than those of half an hour: batches are as many as they get, and a row group is full.
     """
-    hour, short = (long_poses(tmp_path / f"{n}.parquet", n) for n in (HOUR, HOUR // 6))
+    hour, half = (long_poses(tmp_path / f"{n}.parquet", n) for n in (HOUR, HOUR // 2))
     solved, projected, joints, bones, metacarpals, tips, errors = (
         tmp_path / f"{name}.parquet"
         for name in ("solved", "projected", "joints", "bones", "turns", "tips", "errors")
     )
-    of_short = peak_bytes("solve_joints", "--poses", short, "--out", solved)
+    of_half = peak_bytes("solve_joints", "--poses", half, "--out", solved)
     of_hour = peak_bytes("solve_joints", "--poses", hour, "--out", solved)
-    assert of_hour < min(MOST_BYTES, of_short + 50e6)
+    assert of_hour < min(MOST_BYTES, of_half + 50e6)
     peak_bytes("project_planes", "--joint-solutions", solved, "--out", projected)
     recordings = ["--calibration", hour, "--poses", hour]
     built = ["--out-joints", joints, "--out-bones", bones, "--out", metacarpals]
