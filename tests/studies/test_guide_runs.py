@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import sys
-from itertools import product
 from pathlib import Path
 
 import duckdb
@@ -60,10 +59,9 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("guide")
     write_lab_files(folder)
     rows = []
-    for subject, (task, role) in product(("01", "02"), (("rom", "calibration"), ("opposition", "both"))):
-        name = f"{subject}_{task}.parquet"
-        record(folder / "captures" / name, subject=subject, task=task, frames=FRAMES)
-        rows.append(f"{subject}\tright\t{task}\t{role}\tcaptures/{name}\t")
+    for task, role in (("rom", "calibration"), ("opposition", "both")):
+        record(folder / "captures" / f"{task}.parquet", task=task, frames=FRAMES)
+        rows.append(f"01\tright\t{task}\t{role}\tcaptures/{task}.parquet\t")
     (folder / "whole-hand.yaml").write_text(SHORT_FIT.replace("fitted", "whole-hand", 1), "utf-8")
     write_study(folder, "demo", rows, MODELS, exports="[glb]").run(*ALL_BUT_FIGURES)
     (folder / "config").mkdir()
