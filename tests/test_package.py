@@ -107,7 +107,7 @@ def environment(folder: Path, wheel: Path, *only: str) -> Path:
     program = folder / "bin" / "python"
     options = ("--no-index", *(["--no-deps"] if only else []))
     run(program, "-m", "pip", "--quiet", "install", *options, wheel, folder=folder)
-    kernel = Path("shukotsu", "fit", "kernel")  # with its machine code, which took half a minute
+    kernel = Path("shukotsu", "fit", "kernel")  # with its machine code, which takes half a minute to make
     shutil.copytree(REPOSITORY / kernel, packages / kernel, dirs_exist_ok=True)
     return program.parent
 

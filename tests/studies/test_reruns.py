@@ -48,7 +48,6 @@ NEEDED = {
 }
 """What makes a table that is asked for."""
 FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
-KERNEL = Path("shukotsu", "fit", "kernel")
 Command = tuple[str, ...]
 
 
@@ -280,10 +279,7 @@ def copy(study: StudyRun, tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     """A copy of the study and its program in a folder at another depth, with other times."""
     base = tmp_path_factory.mktemp("deeper") / "and" / "copy"
     shutil.copytree(study.folder.parent, base, copy_function=shutil.copyfile)
-    program = base / study.repository.name
-    for path in (study.repository / KERNEL).glob("*.py"):  # whose machine code goes by their times
-        shutil.copystat(path, program / KERNEL / path.name)
-    return StudyRun(base / "study" / study.file.name, base / "study", program)
+    return StudyRun(base / "study" / study.file.name, base / "study", base / study.repository.name)
 
 
 def rules(jobs: set[Job]) -> set[str]:
@@ -374,15 +370,15 @@ def test_what_no_run_left_so_is_made_anew(copy: StudyRun) -> None:
     """Cut with its time kept, removed, or of unknown origin: to the same bytes, and nothing is left."""
     results = copy.results.folder
     before = hashes(results)
-    for name in ("report.html", "sub-01/plan.json", "sub-01/findings.parquet", "sub-02/tips.parquet"):
+    for name in ("report.html", "sub-02/plan.json", "sub-02/findings.parquet", "sub-01/tips.parquet"):
         file = results / name
         state = file.stat()
         os.truncate(file, state.st_size // 2)
         os.utime(file, ns=(state.st_atime_ns, state.st_mtime_ns))
-    (results / "sub-01/joint_centres.parquet").unlink()
+    (results / "sub-02/joint_centres.parquet").unlink()
     remade = {"check_recordings", "estimate_metacarpals", "evaluate_tips", "gather", "report"}
     assert remade <= rules(copy.planned())
-    assert copy.planned("results/open/sub-01/right/rom/poses.parquet") == set(), "and no other target"
+    assert copy.planned("results/open/sub-02/right/rom/poses.parquet") == set(), "and no other target"
     assert "note: not as a run left them, and made anew: " in copy.run()
     assert hashes(results) == before
     assert copy.planned() == set()
