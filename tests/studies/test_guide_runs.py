@@ -27,7 +27,7 @@ TAKE_FILES = """if [ "$PWD" != "$START" ] && [ -f study.yaml ]; then
 fi"""
 """What a reader does in a new study folder: copies recordings into it, edits sheets and models.
 
-The study was run there, as the pages say, so that each page has its results.
+With the recordings come the results of the study, which was run once by the commands of these pages.
 """
 
 pytestmark = pytest.mark.slow
