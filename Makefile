@@ -54,7 +54,7 @@ test: $(developers) ## run the fast tests
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
 test-slow: $(developers) ## run the rest: new examples of every property, whole studies through Snakemake, planted wrong signs
-	@$(pytest) -m "slow or hypothesis" --hypothesis-profile search -n auto --dist loadfile
+	@$(pytest) -m "slow or hypothesis" --hypothesis-profile search -n auto --dist loadfile --no-loadscope-reorder
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install

@@ -33,6 +33,13 @@ settings.register_profile("search", deadline=None, max_examples=INPUTS, print_bl
 settings.load_profile("steady")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+LONGEST = {"studies", "end_to_end", "test_loose_receivers.py", "test_package.py"}
+"""Folders and files that take minutes."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first, lest one of several processes is left with one of them at the end."""
+    items.sort(key=lambda item: LONGEST.isdisjoint(item.path.parts))
 
 
 @pytest.hookimpl(wrapper=True)

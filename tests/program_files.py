@@ -46,6 +46,15 @@ def started(code: str, **how: Any) -> subprocess.Popen[str]:
 
 def printed_by(*words: object, **how: Any) -> str:
     """Run a program to its end; return what it prints."""
-    done = subprocess.run([*map(str, words)], capture_output=True, text=True, timeout=600, check=False, **how)
-    assert done.returncode == 0, done.stderr
+    done = subprocess.run(
+        [*map(str, words)], capture_output=True, text=True, timeout=1500, check=False, **how
+    )
+    assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
     return done.stdout
+
+
+def run_python(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Python to its end in a folder from which it imports nothing, with the program to import."""
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "COLUMNS": "100"}
+    command = [sys.executable, "-P", *words]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)

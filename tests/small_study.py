@@ -152,14 +152,20 @@ class PlannedSubject:
 
     def run_stages(self) -> None:
         """Run every stage from the joints to the tips, and lay out the prior's hand."""
-        assert all(self.fit(hand) == 0 for hand in self.plan.hands)
+        assert self.fit_hands() == 0
         run_stages(self.plan_file)
-        assert all(self.fit(hand, model=REFERENCE) == 0 for hand in self.plan.hands)
+        assert self.fit_hands(model=REFERENCE) == 0
 
     def fit(self, hand: str, *options: str, model: str = "quick") -> int:
         """Fit a hand under a model; return the exit code."""
         argv = [*of_plan("fit_hand", self.plan_file), f"--hand={hand}", f"--model={model}"]
         return stage_runs.fit_hand([*argv, f"--out={self.fit_folder(hand, model)}", *options])
+
+    def fit_hands(self, *options: str, model: str = "quick") -> int:
+        """Fit every hand under a model in one job, as a study does; return the exit code."""
+        hand, *others = self.plan.hands
+        folders = [f"--out-other={self.fit_folder(other, model)}" for other in others]
+        return self.fit(hand, *options, *folders, model=model)
 
     def rows(self, path: Path, table: str, part: Part) -> list[Row]:
         """Rows of a part of a table."""

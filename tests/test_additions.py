@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from guide_pages import REPOSITORY, anchors, blocks
+from program_files import printed_by
 from simulated_hands import FITTED, SimulatedHand, simulated_hand
 from simulated_poses import write_poses
 from studies.running import copy_of_the_program
@@ -118,16 +118,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory, hand: SimulatedHand) -> Pat
         "stage plan --study study.yaml --results . --subject 01 --out plan.json",
         f"stage export --plan {hand.plan_path} --model {FITTED} --formats frames --out exports",
     )
-    done = subprocess.run(
-        [sys.executable, "-c", RUN],
-        input=json.dumps([command.split() for command in commands]),
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(program)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    asked = json.dumps([command.split() for command in commands])
+    environment = os.environ | {"PYTHONPATH": str(program)}
+    printed_by(sys.executable, "-c", RUN, input=asked, cwd=folder, env=environment)
     return folder
 
 
@@ -179,10 +172,7 @@ print(json.dumps(moves))
 
 def moves_of(program: Path) -> dict[str, float]:
     environment = os.environ | {"PYTHONPATH": str(program)}
-    done = subprocess.run(
-        [sys.executable, "-c", PRINT_MODEL], cwd=program, env=environment, capture_output=True, check=True
-    )
-    return dict(json.loads(done.stdout))
+    return dict(json.loads(printed_by(sys.executable, "-c", PRINT_MODEL, cwd=program, env=environment)))
 
 
 def test_the_changes_of_the_model_that_its_page_works_through(tmp_path: Path) -> None:

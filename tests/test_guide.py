@@ -8,7 +8,6 @@ import io
 import re
 import runpy
 import shlex
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
@@ -19,6 +18,7 @@ import pytest
 import yaml
 from babel.messages.pofile import read_po
 from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
+from program_files import printed_by
 
 from shukotsu.study.config_files import json_schema
 from shukotsu.study.layout import read_layout
@@ -191,10 +191,8 @@ except SystemExit as ended:
 @pytest.mark.parametrize("stage", STAGES)
 def test_every_stage_helps_with_an_example_and_imports_nothing_heavy(stage: str) -> None:
     """--help ends with 0, shows an example whose every option the stage knows, and starts quickly."""
-    command = [sys.executable, "-c", LIGHT_HELP.format(stage)]
-    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    options, _, example = done.stdout.partition("example:")
+    text = printed_by(sys.executable, "-c", LIGHT_HELP.format(stage), cwd=REPOSITORY)
+    options, _, example = text.partition("example:")
     argv = shlex.split(example)
     assert argv[:3] == ["shukotsu", "stage", stage] or (stage, argv[1]) == ("capture", "import")
     assert all(option in options for option in argv if option.startswith("--"))

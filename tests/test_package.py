@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
-from importlib.metadata import packages_distributions
+from importlib.metadata import distribution, packages_distributions
 from pathlib import Path
 
 import pytest
 import yaml
-from program_files import REPOSITORY, program_files
+from packaging.requirements import Requirement
+from program_files import REPOSITORY, printed_by, program_files
 
 import shukotsu
 from shukotsu.resources import VERSION
@@ -51,9 +53,7 @@ rule own:
 def run(*command: str | Path, folder: Path) -> str:
     """Run a command to its end without this process's PYTHONPATH; give what it printed."""
     environ = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    done = subprocess.run(command, cwd=folder, env=environ, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
-    return done.stdout
+    return printed_by(*command, cwd=folder, env=environ)
 
 
 def test_what_is_imported_is_declared() -> None:
@@ -88,20 +88,28 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
-def environment(folder: Path, *packages: str | Path) -> Path:
-    """Make an environment with those packages alone; give the folder of its programs."""
+def environment(folder: Path, wheel: Path, *only: str) -> Path:
+    """Make an environment of the wheel and of what the users' lock pins, as it is installed here; return the
+    folder of its programs.
+
+    only : the packages that it has, where not all.
+    """
     run(sys.executable, "-m", "venv", folder, folder=REPOSITORY)
-    run(
-        folder / "bin" / "python",
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-compile",
-        *packages,
-        folder=REPOSITORY,
-    )
-    return folder / "bin"
+    (packages,) = folder.glob("lib/*/site-packages")
+    lock = (REPOSITORY / "requirements.lock").read_text("utf-8")
+    pins = map(Requirement, re.findall(r"^(\w[^\\\n]+)", lock, re.MULTILINE))
+    for pin in pins:
+        if pin.name in (only or (pin.name,)) and (pin.marker is None or pin.marker.evaluate()):
+            installed = distribution(pin.name)
+            assert installed.version in pin.specifier
+            for name in {file.parts[0] for file in installed.files or ()} - {"..", "__pycache__"}:
+                (packages / name).symlink_to(str(installed.locate_file(name)))
+    program = folder / "bin" / "python"
+    options = ("--no-index", *(["--no-deps"] if only else []))
+    run(program, "-m", "pip", "--quiet", "install", *options, wheel, folder=folder)
+    kernel = Path("shukotsu", "fit", "kernel")  # with its machine code, which takes half a minute to make
+    shutil.copytree(REPOSITORY / kernel, packages / kernel, dirs_exist_ok=True)
+    return program.parent
 
 
 @pytest.mark.slow
@@ -115,11 +123,8 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
 @pytest.mark.slow
 def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path) -> None:
     """In an environment with the users' lock, which has all that the wheel asks for."""
-    programs = environment(
-        tmp_path / "own", "--require-hashes", "--no-deps", "-r", REPOSITORY / "requirements.lock"
-    )
+    programs = environment(tmp_path / "own", wheel)
     pip = (programs / "python", "-m", "pip", "--quiet")
-    run(*pip, "install", "--no-index", wheel, folder=tmp_path)
     study = tmp_path / "study"
     sheets = study / "data" / "demo"
     sheets.mkdir(parents=True)
@@ -136,8 +141,8 @@ def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path
     assert int(rows_read) > 0
     assert Path(home).is_relative_to(tmp_path / "own")
     snakefile = run(programs / "shukotsu", "doctor", "--snakefile", folder=study).strip()
-    again = (programs / "snakemake", "--snakefile", snakefile, "--configfile", "study.yaml", "--cores", "1")
-    run(*again, folder=study)
+    again = ("--snakefile", snakefile, "--configfile", "study.yaml", "--cores", "1")
+    run(programs / "python", "-m", "snakemake", *again, folder=study)
     assert sorted((tmp_path / "own").rglob("shukotsu/**/*.tsv")) == installed
     assert not list((tmp_path / "own").rglob("*.arrows"))
 
@@ -147,11 +152,7 @@ def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path
 
 @pytest.mark.slow
 def test_the_recorder_needs_three_packages(wheel: Path, tmp_path: Path) -> None:
-    lock = (REPOSITORY / "requirements.lock").read_text("utf-8")
-    pins = re.findall(rf"^((?:{'|'.join(RECORDER)})==[^\\\n]+)", lock, re.MULTILINE)
-    assert {pin.partition("==")[0] for pin in pins} == set(RECORDER)
-    programs = environment(tmp_path / "own", *pins)
-    run(programs / "python", "-m", "pip", "install", "--no-deps", "--no-index", wheel, folder=tmp_path)
+    programs = environment(tmp_path / "own", wheel, *RECORDER)
     shukotsu, port = programs / "shukotsu", tmp_path / "port"
     command = [shukotsu, "emulate", "--pty", port, "--stations", "1-2"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:

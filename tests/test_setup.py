@@ -2,10 +2,9 @@
 
 import os
 import re
-import subprocess
 from pathlib import Path
 
-REPOSITORY = Path(__file__).parents[1]
+from program_files import REPOSITORY, printed_by
 
 
 def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None:
@@ -23,14 +22,8 @@ def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None
     )
     python.chmod(0o755)
     script = f"include {REPOSITORY}/Makefile\nshown:\n\t@$(pip_settings); env | grep ^UV_ | sort\n"
-    shown = subprocess.run(
-        ["make", "-f", "-", f"python={python}", "shown"],
-        input=script,
-        text=True,
-        capture_output=True,
-        check=True,
-        env={"PATH": os.environ["PATH"]},
-    ).stdout
+    words = ("make", "-f", "-", f"python={python}", "shown")
+    shown = printed_by(*words, input=script, env={"PATH": os.environ["PATH"]})
     assert shown.split("\n")[:3] == [
         "UV_DEFAULT_INDEX=https://mine.invalid/a",
         "UV_INDEX= file:///b file:///c",

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from program_files import printed_by, run_python
 
 from shukotsu.commands import COMMANDS
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "matplotlib", "snakemake")
 LIGHT_HELP = f"""
 import sys
@@ -25,21 +23,10 @@ except SystemExit as ended:
 """
 
 
-def run(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", *argv],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY), "COLUMNS": "100"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_helps_from_another_folder(tmp_path: Path, command: str) -> None:
     """The example's command is this one, its options are the parser's, and nothing heavy is imported."""
-    done = run(tmp_path, "-c", LIGHT_HELP, command, "--help")
+    done = run_python(tmp_path, "-c", LIGHT_HELP, command, "--help")
     assert done.returncode == 0, done.stderr
     help_text, _, example = done.stdout.partition("example:")
     assert help_text.startswith(f"usage: shukotsu {command}")
@@ -50,7 +37,7 @@ def test_a_command_helps_from_another_folder(tmp_path: Path, command: str) -> No
 
 
 def test_the_help_names_every_command(tmp_path: Path) -> None:
-    done = run(tmp_path, "-m", "shukotsu", "--help")
+    done = run_python(tmp_path, "-m", "shukotsu", "--help")
     assert done.returncode == 0
     for name, command in COMMANDS.items():
         assert f"  {name} " in done.stdout
@@ -61,6 +48,5 @@ def test_the_installed_command_runs_from_a_folder_with_misleading_names(tmp_path
     script = Path(sys.executable).with_name("shukotsu")
     for name in ("shukotsu", "schemas", "stages"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('imported from the folder')")
-    done = subprocess.run([script, "new", "a"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    printed_by(script, "new", "a", cwd=tmp_path)
     assert (tmp_path / "a" / "study.yaml").is_file()

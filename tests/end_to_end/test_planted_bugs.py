@@ -62,10 +62,8 @@ def run(subject: PlannedSubject, stage: str) -> None:
     argv = [*of_plan(stage, subject.plan_file), "--record-failure"]
     argv += [option.format(folder) for option in STAGES[stage]]
     if stage == "fit_hand":
-        for hand in subject.plan.hands:
-            for model in ("quick", REFERENCE):
-                out = f"--out={subject.fit_folder(hand, model)}"
-                assert stage_runs.fit_hand([*argv, f"--hand={hand}", f"--model={model}", out]) == 0
+        for model in ("quick", REFERENCE):
+            assert subject.fit_hands("--record-failure", model=model) == 0
     elif stage == "subject_pages":
         assert subject_pages([*argv, f"--out={Results(folder.parent).subject_pages('01')}"]) == 0
     else:

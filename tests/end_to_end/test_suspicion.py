@@ -39,9 +39,8 @@ def find(subject: PlannedSubject, **finding: str) -> None:
 def run(subject: PlannedSubject) -> PlannedSubject:
     """Run every stage of the subject that comes after the findings, as a study does."""
     folder = subject.plan_file.parent
-    for hand in subject.plan.hands:
-        assert subject.fit(hand, "--record-failure") == 0
-        assert subject.fit(hand, "--record-failure", model=REFERENCE) == 0
+    for model in ("quick", REFERENCE):
+        assert subject.fit_hands("--record-failure", model=model) == 0
     run_stages(subject.plan_file, "--record-failure")
     for stage in ("evaluate_skeletons", "measure_movement"):
         argv = [*of_plan(stage, subject.plan_file), "--record-failure", *outputs(stage, folder)]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ import pytest
 from browser import WatchedPage, watched
 from guide_pages import REPOSITORY
 from playwright.sync_api import Browser
+from program_files import printed_by
 
 pytestmark = pytest.mark.tools
 
@@ -37,15 +37,9 @@ STYLES_FETCH = re.compile(r"""(?:@import|url\()\s*["']?(?:https?:)?//""")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built strictly, so that a warning would end it."""
     folder = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
-        [str(PROGRAMS / "mkdocs"), "build", "--quiet", "--site-dir", str(folder)],
-        cwd=REPOSITORY,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    words = ("build", "--quiet", "--site-dir", folder)
+    printed_by(PROGRAMS / "mkdocs", *words, cwd=REPOSITORY, env=environment)
     return folder
 
 

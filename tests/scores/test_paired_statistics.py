@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import subprocess
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from program_files import printed_by
 from scipy import stats
 
 from shukotsu.scores.paired_statistics import (
@@ -161,11 +161,7 @@ def of_others(program: str, asked: dict[str, Any]) -> Any:
     python = tools / "python" / "bin" / "python"
     if not list(python.parents[1].glob(f"lib/*/site-packages/{program}")):
         pytest.skip(f"{program} is not installed beside {python}")
-    text = json.dumps(asked)
-    done = subprocess.run(
-        [python, SCRIPT], input=text, check=True, capture_output=True, text=True, timeout=300
-    )
-    return json.loads(done.stdout)
+    return json.loads(printed_by(python, SCRIPT, input=json.dumps(asked)))
 
 
 @pytest.mark.tools

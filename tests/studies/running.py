@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from program_files import BESIDE, REPOSITORY
+from program_files import BESIDE, REPOSITORY, run_python
 
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
@@ -33,6 +33,8 @@ HEADER = "subject\thand\ttask\trole\tfile\texclude"
 
 CORES = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
 """For a study, unless a test says how many: workers share the machine."""
+ALL_BUT_FIGURES = ("--omit-from", "print_figures")
+"""For a study whose figures nobody looks at: words of a run."""
 _JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]
@@ -96,6 +98,11 @@ class StudyRun:
     def page(self) -> str:
         """Return the report's text."""
         return self.results.report.read_text("utf-8")
+
+
+def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a folder, as somebody who has installed the program."""
+    return run_python(folder, "-m", "shukotsu", *argv)
 
 
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:

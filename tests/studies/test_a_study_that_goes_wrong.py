@@ -63,22 +63,21 @@ CORRECTIONS = [
     "nobody\tleft\tindex_pip\t1\t2\t3",
 ]
 
-RECORDINGS = {
-    ("missing", "nowhere.parquet"): ("failed", "nowhere.parquet: no such file"),
-    ("missing", "data\\rom.csv"): ("failed", "folders are separated by / and not by \\"),
-    ("truncated", "truncated.parquet"): ("failed", "truncated.parquet: not a readable Parquet file"),
-    ("truncated", "truncated.csv"): ("failed", "truncated.csv: line 119: has"),
-    (PATTERN, "{x}.parquet"): ("used", f"no usable pose of {DEAD}"),
-    (PATTERN, "a {b} c.csv"): ("used", f"no usable pose of {DEAD}"),
-    (HOSTILE, "gone & <b>.csv"): ("failed", "gone & <b>.csv: no such file"),
-    (SLASHED, "excluded.parquet"): ("excluded", REASON),
+FAILED = {
+    ("missing", "right"): "nowhere.parquet: no such file",
+    ("missing", "left"): "folders are separated by / and not by \\",
+    ("truncated", "right"): "truncated.parquet: not a readable Parquet file",
+    ("truncated", "left"): "truncated.csv: line 119: has",
+    (HOSTILE, "left"): "gone & <b>.csv: no such file",
+}
+"""Hands whose recording cannot be read, and what is said of it wherever it is missed."""
+RECORDINGS = {("rom", *who): ("failed", text) for who, text in FAILED.items()} | {
+    ("{rom}", PATTERN, "right"): ("used", f"no usable pose of {DEAD}"),
+    ("rom", PATTERN, "left"): ("used", f"no usable pose of {DEAD}"),
+    ("opposition", SLASHED, "left"): ("excluded", REASON),
 }
 PROBLEMS = [
-    ("missing, right, rom", "nowhere.parquet: no such file"),
-    ("missing, left, rom", "folders are separated by / and not by \\"),
-    ("truncated, right, rom", "truncated.parquet: not a readable Parquet file"),
-    ("truncated, left, rom", "truncated.csv: line 119: has"),
-    (f"{HOSTILE}, left, rom", "gone & <b>.csv: no such file"),
+    *((f"{', '.join(who)}, rom", text) for who, text in FAILED.items()),
     ("one-sided, left", "no recording calibrates this hand"),
     (f"{LONG}, right, rom", "troubled.tsv: row 18, columns subject, session, task, trial: have 3"),
     ("gone, right, rom", "troubled.tsv: row 19, column file: has a part of more than 255 bytes"),
@@ -96,14 +95,7 @@ FINDINGS = {
     (f"{PATTERN}, left, rom", "receivers-absent"),
 }
 """Recordings that stand for several people, a right hand that stands for a left one, a dead receiver."""
-WITHOUT_JOINTS = [
-    ("missing", "right", "nowhere.parquet: no such file"),
-    ("missing", "left", "folders are separated by /"),
-    ("truncated", "right", "truncated.parquet: not a readable Parquet file"),
-    ("truncated", "left", "truncated.csv: line 119: has"),
-    (HOSTILE, "left", "gone & <b>.csv: no such file"),
-    ("one-sided", "left", "no calibration recording"),
-]
+WITHOUT_JOINTS = FAILED | {("one-sided", "left"): "no calibration recording"}
 
 
 @pytest.fixture(scope="module")
@@ -189,14 +181,15 @@ def test_every_result_is_the_same_to_the_byte(
 
 
 def test_every_recording_has_its_status_and_message(study: StudyRun) -> None:
-    columns = ("subject", "file", "status", "message")
-    rows = [[row[column] for column in columns] for row in study.rows("recordings")]
-    assert len(rows) == len(GOOD + BAD)
-    for subject, file, status, message in rows:
-        wanted_status, wanted_words = RECORDINGS.get((subject, file), ("used", ""))
-        assert status == wanted_status, (subject, file)
-        assert wanted_words in message, (subject, file)
-        assert bool(wanted_words) == bool(message), (subject, file)
+    rows = study.rows("recordings")
+    cells = [line.split("\t") for line in GOOD + BAD]
+    assert sorted((row["subject"], row["file"]) for row in rows) == sorted((c[0], c[4]) for c in cells)
+    for row in rows:
+        which = (row["task"], row["subject"], row["hand"])
+        status, words = RECORDINGS.get(which, ("used", ""))
+        assert row["status"] == status, which
+        assert words in row["message"], which
+        assert bool(words) == bool(row["message"]), which
 
 
 def _where(row: Row) -> str:
@@ -212,10 +205,11 @@ def test_every_problem_is_named_once(study: StudyRun) -> None:
     assert {(_where(row), row["kind"]) for row in rows if row["stage"] == STAGE} == FINDINGS
 
 
-@pytest.mark.parametrize(("subject", "hand", "reason"), WITHOUT_JOINTS)
+@pytest.mark.parametrize("who", WITHOUT_JOINTS, ids=", ".join)
 def test_a_hand_without_calibration_has_failed_joints_and_tip_errors_without_numbers(
-    study: StudyRun, subject: str, hand: str, reason: str
+    study: StudyRun, who: tuple[str, str]
 ) -> None:
+    (subject, hand), reason = who, WITHOUT_JOINTS[who]
     joints = study.rows_where("joint_centres", subject=subject, hand=hand)
     fitted = [row for row in joints if row["joint"] != "wrist"]
     assert len(fitted) == 15

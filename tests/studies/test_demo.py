@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
 import sys
 from itertools import product
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from program_files import printed_by
 from studies.running import CORES, REPOSITORY, Row, StudyRun, leftovers
 
 from shukotsu.tables.catalogue import JOINT_CENTRES, TABLES
@@ -32,8 +32,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     if not (folder / "results").is_dir():
         command = [sys.executable, "-P", "-m", "shukotsu", "demo", "--cores", str(CORES)]
         environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+        printed_by(*command, cwd=folder, env=environment)
     return StudyRun(folder / "config" / "demo.yaml", folder)
 
 

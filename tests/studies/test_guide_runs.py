@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
-import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 
 import duckdb
 import pytest
 from browser import browser  # noqa: F401
 from guide_pages import PAGES, REPOSITORY, Block, blocks
-from studies.running import SHORT_FIT, record, write_study
+from program_files import printed_by
+from studies.running import ALL_BUT_FIGURES, SHORT_FIT, record, shukotsu, write_study
 
 FRAMES = 400
 MODELS = ["rigid", "paper-fig4", "whole-hand.yaml"]
@@ -22,18 +22,18 @@ LAB_FILES = {
     "P01\tright\tscales\tevaluation\tp01_scales.csv\n",
     "participants.tsv": "subject\thand_length_mm\thand_breadth_mm\nP01\t185\t82\n",
 }
-STUDY = "study: piano\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [rigid, paper-fig4]\n"
 TAKE_FILES = """if [ "$PWD" != "$START" ] && [ -f study.yaml ]; then
-    cp -f "$LAB"/* .
-    sed -i "s/^models: .*/models: [rigid, paper-fig4]/" study.yaml
+    cp -rf "$LAB"/* .
 fi"""
-"""What a reader does in a new study folder: copies recordings into it, edits sheets and models."""
+"""What a reader does in a new study folder: copies recordings into it, edits sheets and models.
+
+With the recordings come the results of the study, which was run once by the commands of these pages.
+"""
 
 pytestmark = pytest.mark.slow
 
 SHELLS = ("sh", "bash", "shell", "console")
 RUN_NOTEBOOK = REPOSITORY / "tests" / "report_samples" / "run_notebook.py"
-MOST_SECONDS = 900
 
 
 def write_lab_files(folder: Path) -> None:
@@ -59,12 +59,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("guide")
     write_lab_files(folder)
     rows = []
-    for subject, (task, role) in product(("01", "02"), (("rom", "calibration"), ("opposition", "both"))):
-        name = f"{subject}_{task}.parquet"
-        record(folder / "captures" / name, subject=subject, task=task, frames=FRAMES)
-        rows.append(f"{subject}\tright\t{task}\t{role}\tcaptures/{name}\t")
+    for task, role in (("rom", "calibration"), ("opposition", "both")):
+        record(folder / "captures" / f"{task}.parquet", task=task, frames=FRAMES)
+        rows.append(f"01\tright\t{task}\t{role}\tcaptures/{task}.parquet\t")
     (folder / "whole-hand.yaml").write_text(SHORT_FIT.replace("fitted", "whole-hand", 1), "utf-8")
-    write_study(folder, "demo", rows, MODELS, exports="[glb]").run()
+    write_study(folder, "demo", rows, MODELS, exports="[glb]").run(*ALL_BUT_FIGURES)
     (folder / "config").mkdir()
     for name in ("demo.yaml", "demo.tsv", "whole-hand.yaml"):
         text = (folder / name).read_text("utf-8").replace("captures/", "../captures/")
@@ -75,8 +74,13 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("lab")
+    """A new study's folder, with recordings and results."""
+    folder = tmp_path_factory.mktemp("lab") / "piano"
+    shukotsu(folder.parent, "new", "piano").check_returncode()
     write_lab_files(folder)
+    study = folder / "study.yaml"
+    study.write_text(re.sub("(?m)^models: .*", "models: [rigid, paper-fig4]", study.read_text("utf-8")))
+    shukotsu(folder, "run").check_returncode()
     return folder
 
 
@@ -99,26 +103,17 @@ def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str
 
 @pytest.mark.parametrize("page", RUN_PAGES, ids=lambda page: page.name)
 def test_blocks_of_a_page_run(
-    page: Path, finished: Path, environment: dict[str, str], tmp_path: Path
+    page: Path, finished: Path, lab: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     folder = tmp_path / "reader"
     shutil.copytree(finished, folder, symlinks=True)
     if "results/piano" in page.read_text("utf-8"):  # the study that the page speaks of
-        (folder / "study.yaml").write_text(STUDY, "utf-8")
+        shutil.copytree(lab, folder, dirs_exist_ok=True)
     (folder / ".venv").symlink_to(Path(sys.prefix))
     for name, lines in scripts(page).items():
         (folder / name).write_text(lines, "utf-8")
         program = [sys.executable] if name.endswith(".py") else ["bash"]
-        done = subprocess.run(
-            [*program, name],
-            cwd=folder,
-            env=environment | {"START": str(folder)},
-            capture_output=True,
-            text=True,
-            timeout=MOST_SECONDS,
-            check=False,
-        )
-        assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+        printed_by(*program, name, cwd=folder, env=environment | {"START": str(folder)})
 
 
 def scripts(page: Path) -> dict[str, str]:
@@ -145,9 +140,7 @@ def test_the_notebook_answers_its_question(
     finished: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     picture = tmp_path / "picture.png"
-    command = [sys.executable, str(RUN_NOTEBOOK), str(finished), str(picture)]
     inline = environment | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
-    done = subprocess.run(command, env=inline, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "moved most of the joints to believe: " in done.stdout
+    printed = printed_by(sys.executable, RUN_NOTEBOOK, finished, picture, env=inline)
+    assert "moved most of the joints to believe: " in printed
     assert picture.stat().st_size > 10_000

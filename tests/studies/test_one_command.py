@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import psutil
 import pytest
-from studies.running import REPOSITORY, record, write_study
+from studies.running import REPOSITORY, record, shukotsu, write_study
 
 pytestmark = pytest.mark.slow
-
-
-def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", "-m", "shukotsu", *argv],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
@@ -65,19 +55,18 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     assert (folder / "out" / "sub-01_hand-right_task-rom_model-rigid.csv").is_file()
 
 
-@pytest.mark.parametrize("kill", [os.kill, os.killpg])
 @pytest.mark.parametrize("after", ["$ ", " jobs done"])
-def test_a_run_that_is_ended_leaves_nothing_at_work(
-    tmp_path: Path, after: str, kill: Callable[[int, int], None]
-) -> None:
+def test_a_run_that_is_ended_leaves_nothing_at_work(tmp_path: Path, after: str) -> None:
     """As Snakemake is started, and amid jobs, whose warm process ends too; the same command goes on."""
     file = record(tmp_path / "rom.parquet")
-    write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
-    command = [sys.executable, "-P", "-m", "shukotsu", "run"]
+    study = write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
+    words = ("run", "--", (study.results.subject("01") / "tips.parquet").relative_to(tmp_path).as_posix())
     mark = {"OF_THIS_TEST": str(tmp_path)}
-    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)):
+    codes = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+    for kill, (number, code) in product((os.kill, os.killpg), codes.items()):
+        shutil.rmtree(study.results.folder, ignore_errors=True)  # so that there are jobs to do
         process = subprocess.Popen(
-            command,
+            [sys.executable, "-P", "-m", "shukotsu", *words],
             cwd=tmp_path,
             env=os.environ | {"PYTHONPATH": str(REPOSITORY)} | mark,
             stdout=subprocess.DEVNULL,
@@ -94,7 +83,7 @@ def test_a_run_that_is_ended_leaves_nothing_at_work(
         assert said[0].startswith("error: ")
         environments = (each.info["environ"] or {} for each in psutil.process_iter(["environ"]))
         assert not [each for each in environments if each.get("OF_THIS_TEST") == str(tmp_path)]
-    assert shukotsu(tmp_path, "run").returncode == 0
+    assert shukotsu(tmp_path, *words).returncode == 0
 
 
 def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:

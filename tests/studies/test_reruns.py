@@ -20,7 +20,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from program_files import BESIDE
+from program_files import BESIDE, REPOSITORY
 from sample_files import RECORDINGS, midi_of
 from studies.running import SHORT_FIT, Job, StudyRun, copy_of_the_program, hashes, record, write_study
 
@@ -35,17 +35,9 @@ CONFIGURED = {"plan"}
 """Rules of which the content of the study file and its sheets is a parameter."""
 OF_THE_STUDY = ("gather", "compare_models", "compare_movement", "export_dataset", "report", "print_figures")
 """Rules that read the study file and its sheets."""
-EVERYTHING = {"capture", "check_recordings", "align_events", "solve_joints", "fit_hand", "project_planes"}
-EVERYTHING |= {
-    "fit_hands",
-    "estimate_metacarpals",
-    "evaluate_tips",
-    "evaluate_skeletons",
-    "measure_movement",
-    "gather",
-}
-EVERYTHING |= {"fit_hands", "compare_models", "compare_movement", "report", "subject_pages", "print_figures"}
-EVERYTHING |= {"export", "export_dataset", "export_tables", "collect_exports"}
+RULES = re.findall(r"(?m)^(?:use rule \w+ as|rule) (\w+)", (REPOSITORY / "Snakefile").read_text("utf-8"))
+EVERYTHING = {*RULES} - {"all", "plan", "simulate", "stream"}
+"""What runs again with another program: no plan, which is written when a run begins, nor what simulates."""
 UP_TO_JOINTS = {"plan", "capture", "check_recordings", "solve_joints"}
 NEEDED = {
     "sub-01/right/rom/poses.parquet": {"capture"},
@@ -378,15 +370,15 @@ def test_what_no_run_left_so_is_made_anew(copy: StudyRun) -> None:
     """Cut with its time kept, removed, or of unknown origin: to the same bytes, and nothing is left."""
     results = copy.results.folder
     before = hashes(results)
-    for name in ("report.html", "sub-01/plan.json", "sub-01/findings.parquet", "sub-02/tips.parquet"):
+    for name in ("report.html", "sub-02/plan.json", "sub-02/findings.parquet", "sub-01/tips.parquet"):
         file = results / name
         state = file.stat()
         os.truncate(file, state.st_size // 2)
         os.utime(file, ns=(state.st_atime_ns, state.st_mtime_ns))
-    (results / "sub-01/joint_centres.parquet").unlink()
+    (results / "sub-02/joint_centres.parquet").unlink()
     remade = {"check_recordings", "estimate_metacarpals", "evaluate_tips", "gather", "report"}
     assert remade <= rules(copy.planned())
-    assert copy.planned("results/open/sub-01/right/rom/poses.parquet") == set(), "and no other target"
+    assert copy.planned("results/open/sub-02/right/rom/poses.parquet") == set(), "and no other target"
     assert "note: not as a run left them, and made anew: " in copy.run()
     assert hashes(results) == before
     assert copy.planned() == set()

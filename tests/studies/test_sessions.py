@@ -9,7 +9,7 @@ import json
 from itertools import product
 
 import pytest
-from studies.running import SHORT_FIT, StudyRun, record, write_study
+from studies.running import ALL_BUT_FIGURES, SHORT_FIT, StudyRun, record, write_study
 
 from shukotsu.export.registry import FORMATS
 from shukotsu.study.results import STUDY_TABLES, Results
@@ -51,7 +51,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     keys = {"events": "events.tsv", "factors": "[session]", "exports": f"[{', '.join(FORMATS_ASKED)}]"}
     keys["export_settings"] = "{rig: webxr, licence: CC-BY-4.0}"
     study = write_study(folder, "redonned", rows, [MODELS[0], "fitted.yaml"], **keys)
-    study.run()
+    study.run(*ALL_BUT_FIGURES)
     return study
 
 
@@ -141,8 +141,8 @@ def test_a_format_less_leaves_nothing_of_it(study: StudyRun) -> None:
     """The last test: the study is another one then."""
     text = study.file.read_text("utf-8")
     study.file.write_text(text.replace("[bvh, ", "[").replace(", bids", ""), "utf-8")
-    study.run()
+    study.run(*ALL_BUT_FIGURES)
     names = {path.name for path in study.results.exports.iterdir()}
     assert not [name for name in names if "bvh" in name or "bids" in name]
     assert "sub-01_ses-1_hand-right_task-rom_model-paper-fig4.glb" in names
-    assert study.planned() == set()
+    assert study.planned(*ALL_BUT_FIGURES) == set()

@@ -217,16 +217,18 @@ def test_a_full_disk_ends_the_recording_and_what_was_kept_is_readable(emulated, 
 @pytest.mark.slow
 def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
-    calls = 0
+    calls, stop = 0, StopRequest()
 
-    def utc_offset_ns() -> int:  # an hour less once the recorder has asked so often
+    def utc_offset_ns() -> int:  # an hour less once the recorder has asked so often; then it is stopped
         nonlocal calls
         calls += 1
+        if calls > 1000:
+            stop.ask("enough")
         return 10**18 - (3600 * 10**9 if calls > 700 else 0)
 
     port = open_port(emulated("--stations", "1"), 115200)
-    plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=3.0)
-    ending = record(plan, port, LinePrinter(io.StringIO()), StopRequest(), {}, utc_offset_ns)
+    plan = RecordingPlan(out, RecordingRequest("liberty"))
+    ending = record(plan, port, LinePrinter(io.StringIO()), stop, {}, utc_offset_ns)
     port.close()
     assert not ending.failed
     assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not concerned",)
