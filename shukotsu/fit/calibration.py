@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,9 +47,19 @@ Fits = dict[tuple[str, ...], Calibrated]
 """Fitted hands of a person, by the recordings that they were fitted to."""
 
 
-def calibrated_hand(
-    plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = (), fits: Fits | None = None
-) -> tuple[Fingertips, Unsteady]:
+class CalibratedHand(NamedTuple):
+    """A fitted hand with its fingertips.
+
+    unsteady : receivers displaced in its calibration. alone : why it was fitted without the other hand's bone
+    lengths though the model shares them; empty where it was not.
+    """
+
+    tips: Fingertips
+    unsteady: Unsteady
+    alone: str
+
+
+def calibrated_hand(plan: SubjectPlan, part: Part, fits: Fits) -> CalibratedHand:
     """Fit a part's hand, condition it on the other hand's bone lengths, on touches and on contacts.
 
     Parameters
@@ -57,28 +68,28 @@ def calibrated_hand(
         What the study knows of the person.
     part : Part
         Hand, model, and the task left out.
-    other_poses : sequence of Path
-        Recordings that calibrate the other hand; empty where no lengths are shared.
     fits : dict
         Hands of this person that are fitted already; missing ones are added.
 
     Returns
     -------
-    Fingertips
+    CalibratedHand
         The hand with its fingertips.
-    Unsteady
-        Receivers displaced in the calibration.
 
     Raises
     ------
     InputError
-        As `fit_calibration` does.
+        Where a finding refused all recordings to calibrate on, and as `fit_calibration` does.
 
     """
-    fits, fitting = {} if fits is None else fits, _fitting(plan, part)
+    plan.check_calibration_left(part.hand)
+    fitting = _fitting(plan, part)
+    other_poses, alone = partner_poses(plan, part)
+    if alone:
+        print(f"note: {alone}", file=sys.stderr)
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
     fit, recordings, unsteady = fit_calibration(plan, part, part.hand, poses, fits)
-    if other_poses and fitting.share_lengths:
+    if other_poses:
         other_hand = "left" if part.hand == "right" else "right"
         try:
             fit = share_lengths(fit, fit_calibration(plan, part, other_hand, other_poses, fits)[0])[0]
@@ -88,11 +99,11 @@ def calibrated_hand(
             print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
     tips = fingertips(fit)
     if not fitting.steps:
-        return tips, unsteady
+        return CalibratedHand(tips, unsteady, alone)
     tips = with_touches(tips, _touches(plan, part.hand, recordings, tips))
     opposition = [poses for name, poses in recordings.items() if name.task in fitting.contacts]
     contacts = [contact for poses in opposition for contact in find_contacts(tips, poses)]
-    return with_touches(tips, contacts), unsteady
+    return CalibratedHand(with_touches(tips, contacts), unsteady, alone)
 
 
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:

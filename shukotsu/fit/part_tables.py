@@ -5,7 +5,6 @@ On paper: docs/whole-hand.md, sections 7 and 10.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError
-from shukotsu.fit.calibration import REFERENCE_FRAMES, Fits, calibrated_hand, partner_poses, read_thinned
+from shukotsu.fit.calibration import REFERENCE_FRAMES, CalibratedHand, read_thinned
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fingertips import BONE, TIP, Fingertips
 from shukotsu.fit.fit import HandFit
@@ -85,18 +84,14 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     return list(recorded.values())
 
 
-def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], fits: Fits) -> None:
-    """Fit one skeleton and write its rows of every table; fits : see `calibrated_hand`."""
-    plan.check_calibration_left(part.hand)
-    partner, alone = partner_poses(plan, part)
-    note = {"note": alone} if alone else {}
-    if alone:
-        print(f"note: {alone}", file=sys.stderr)
-    tips, unsteady = calibrated_hand(plan, part, partner, fits)
+def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], hand: CalibratedHand) -> None:
+    """Write the rows of one fitted skeleton, and of every recording posed with it, into their tables."""
+    tips = hand.tips
+    note = {"note": hand.alone} if hand.alone else {}
     weighed = not plan.models[part.model].is_reference
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
-    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **note)
+    tables["receivers"].rows(part, receiver_rows(tips, hand.unsteady), **note)
     tables["gains"].rows(part, gains(tips) if weighed else [])
     tables["length_pulls"].rows(part, pull_rows(tips.fit) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):

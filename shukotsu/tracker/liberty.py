@@ -20,8 +20,15 @@ import numpy as np
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker import records as protocol
-from shukotsu.tracker.families import MM_PER_UNIT, StreamSettings
-from shukotsu.tracker.records import Bytes, Decoded, Records, Reply, doubtful_poses
+from shukotsu.tracker.records import (
+    MM_PER_UNIT,
+    Bytes,
+    Decoded,
+    Records,
+    Reply,
+    StreamSettings,
+    doubtful_poses,
+)
 
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""

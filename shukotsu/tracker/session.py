@@ -18,9 +18,9 @@ from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker import display
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.conversation import Chunk, Conversation, RecordingRequest, StoppedError, StopRequest
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty_driver import LibertyDriver
 from shukotsu.tracker.port import Port, PortGoneError, perhaps_taken
+from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.stream import ABSENT_S, ChunkDecoder
 from shukotsu.tracker.viper_driver import ViperDriver
 

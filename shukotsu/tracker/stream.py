@@ -16,15 +16,16 @@ import numpy.typing as npt
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
-from shukotsu.tracker.families import StreamSettings, settings_from_json
 from shukotsu.tracker.liberty import BinaryDecoder
 from shukotsu.tracker.records import (
     NONE,
     PiecewiseDecoder,
     Records,
     Skipped,
+    StreamSettings,
     concatenate_records,
     empty_records,
+    settings_from_json,
 )
 from shukotsu.tracker.viper_decoder import ViperDecoder
 
