@@ -7,8 +7,7 @@ Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips, they are ca
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -62,26 +61,6 @@ RIGS: Mapping[str, Rig] = {
     name: Rig(**keys)
     for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["rigs"].items()
 }
-
-
-def ascii_name(name: str) -> str:
-    """The name in letters, digits and `_ - : .` of ASCII only, for formats that know no quotes.
-
-    Any other character becomes its code, so that different names in practice stay different.
-    """
-    return "".join(c if c.isascii() and (c.isalnum() or c in "_-:.") else f"_u{ord(c):04x}" for c in name)
-
-
-def plain_names(names: Iterable[str]) -> list[str]:
-    """Names of letters, digits and underscores, no two the same; all that XML, OpenSim and scripts take."""
-    taken: list[str] = []
-    for original in names:
-        name = plain = re.sub(r"\W", "_", ascii_name(original), flags=re.ASCII)
-        number = 2
-        while name in taken:
-            name, number = f"{plain}_{number}", number + 1
-        taken.append(name)
-    return taken
 
 
 def on_rig(motion: PosedRecording, name: str) -> PosedRecording:

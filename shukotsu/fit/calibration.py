@@ -107,9 +107,29 @@ def calibrated_hand(plan: SubjectPlan, part: Part, fits: Fits) -> CalibratedHand
 
 
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
-    """Poses that calibrate the person's other hand under the part's model, or why none may be used.
+    """Find the poses that calibrate the person's other hand under the part's model.
 
     While a recording of either hand has a finding or cannot be read, no lengths are shared between them.
+
+    Parameters
+    ----------
+    plan : SubjectPlan
+        What the study knows of the person.
+    part : Part
+        Hand, model, and the task left out.
+
+    Returns
+    -------
+    paths : list of Path
+        Poses files; empty where no lengths are shared.
+    reason : str
+        Why they are not shared though the model asks for it; else empty.
+
+    Raises
+    ------
+    InputError
+        Where the model fits no whole hand, or the layout is none.
+
     """
     layout = plan.layouts[part.hand]
     partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
@@ -209,7 +229,23 @@ def fit_calibration(
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
-    """Read a recording's poses, evenly thinned to at most most_frames."""
+    """Read a recording's poses, evenly thinned where it is long.
+
+    Parameters
+    ----------
+    path : Path
+        Poses file.
+    segments : sequence of str
+        Segments to read.
+    most_frames : int
+        Most frames that are kept.
+
+    Returns
+    -------
+    Poses
+        Every n-th frame, the first one included.
+
+    """
     return read_every(path, segments, -(-frame_count(path) // most_frames))
 
 

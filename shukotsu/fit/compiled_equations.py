@@ -310,7 +310,25 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
 
 
 def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> Point:
-    """Take a step dx (G,) and the steps of roots and states that follow from it; return the new point."""
+    """Take a step of the hand's unknowns and the steps of roots and states that follow (section 6).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Where the step starts.
+    steps : Steps
+        Equations that were reduced there.
+    dx : array, shape (G,)
+        Step of the unknowns.
+
+    Returns
+    -------
+    Point
+        Where the step ends.
+
+    """
     at = _poses(point)
     rhs = steps.root_rhs + np.tensordot(dx, steps.root_by_x, 1)
     d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)

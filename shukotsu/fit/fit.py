@@ -243,7 +243,21 @@ class HandFit(SolvedFit):
         return "left" if self.convention.left else "right"
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
-        """Return the hand with other unknowns (G,) and covariance (G, G)."""
+        """Replace the mean and covariance of the hand's unknowns.
+
+        Parameters
+        ----------
+        x : array, shape (G,)
+            Mean.
+        covariance : array, shape (G, G)
+            Covariance.
+
+        Returns
+        -------
+        HandFit
+            The same hand with that posterior.
+
+        """
         return replace(self, posterior=self.posterior.moved_to(x, covariance))
 
 

@@ -260,7 +260,21 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
 
 
 def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
-    """Some of the posed frames."""
+    """Select some of the posed frames.
+
+    Parameters
+    ----------
+    posed : PosedHand
+        T frames.
+    rows : array of int, shape (F,)
+        Their indices.
+
+    Returns
+    -------
+    PosedHand
+        F frames.
+
+    """
     names = ("angles_rad", "bone_position_mm", "bone_quaternion", "receiver_mm", "residual_mm", "posed")
     return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
 

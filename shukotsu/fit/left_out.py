@@ -80,7 +80,19 @@ def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Disp
 
 
 def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str, float]:
-    """Share of each receiver's valid frames that is no longer valid, of those that lost any."""
+    """Share of each receiver's valid frames that were left out.
+
+    Parameters
+    ----------
+    before, after : sequence of Poses
+        Recordings of a calibration, whole and with frames left out.
+
+    Returns
+    -------
+    dict
+        Segment -> share, 0 to 1, of receivers that lost any frame.
+
+    """
     was, left = (concatenate_poses(recordings).valid.sum(0) for recordings in (before, after))
     return {
         segment: float(1.0 - now / then)
@@ -105,7 +117,23 @@ def is_elsewhere(before: HandFit, after: HandFit) -> bool:
 
 
 def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance | None) -> dict[str, Array]:
-    """The largest error (6,), mm and rad, of a disturbed field at each receiver that it reaches."""
+    """Find the largest error of a disturbed field at each receiver that it reaches.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    recordings : sequence of Poses
+        Its calibration.
+    field : Disturbance or None
+        The disturbance; None where there is none.
+
+    Returns
+    -------
+    dict
+        Segment -> error (6,), mm and rad, where it is larger than `FELT_ERROR`.
+
+    """
     if field is None:
         return {}
     errors, valid = _errors(fit, recordings, field), concatenate_poses(recordings).valid

@@ -232,13 +232,41 @@ class Tested:
         return cls(over_bones, np.array([NORMAL[kind] for kind in kinds]))
 
     def scored(self, problem: Problem, point: Point, only: Sequence[int] = ()) -> ScoreTest:
-        """Test these or only some of them."""
+        """Test receivers for displacements at a point.
+
+        Parameters
+        ----------
+        problem : Problem
+            What is fitted to what.
+        point : Point
+            The solution.
+        only : sequence of int, optional
+            Receivers to test; all of these if omitted.
+
+        Returns
+        -------
+        ScoreTest
+            Gains of all displacements.
+
+        """
         receivers = only or self.receivers
         return ScoreTest.of(problem, point, self.normal, receivers, from_start=self.calibrated)
 
 
 def recording_of_rows(recordings: Sequence[Poses]) -> Index:
-    """The recording of which each frame (T,) of all of them, one after the other, is."""
+    """Index of the recording that each frame is from, where all are put one after the other.
+
+    Parameters
+    ----------
+    recordings : sequence of Poses
+        Recordings of T frames in all.
+
+    Returns
+    -------
+    array of int, shape (T,)
+        Indices.
+
+    """
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 

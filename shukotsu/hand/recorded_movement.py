@@ -235,7 +235,19 @@ def _turn(poses: Poses, segment: str) -> Array:
 
 
 def running_on(angle_deg: Array) -> Array:
-    """Return angles (T, K) in (-180, 180] deg, cut in the widest arc between values instead; NaN stays."""
+    """Cut angles in the widest arc between their values instead of at 180 deg.
+
+    Parameters
+    ----------
+    angle_deg : array, shape (T, K)
+        K angles in (-180, 180]; NaN stays.
+
+    Returns
+    -------
+    array, shape (T, K)
+        The same angles, the fewer of them changed by 360 deg.
+
+    """
     out = angle_deg
     if not len(angle_deg):
         return out

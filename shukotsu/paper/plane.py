@@ -150,8 +150,18 @@ def correct(
 
 
 def centre_sd_mm(covariance_mm2: Float[Array, "6 6"]) -> float:
-    """Three-dimensional standard deviation of a centre from the covariance (6, 6) of (p, q): of the worse
-    half, mm.
+    """Three-dimensional standard deviation of a centre: that of the worse half.
+
+    Parameters
+    ----------
+    covariance_mm2 : array, shape (6, 6)
+        Covariance of (p, q).
+
+    Returns
+    -------
+    float
+        Standard deviation, mm.
+
     """
     variance = np.maximum(np.diag(covariance_mm2), 0.0)
     return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))

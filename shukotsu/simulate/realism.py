@@ -62,11 +62,26 @@ class Realism:
 
 
 def generator(seed: int, purpose: str, *names: str, session: str = "") -> np.random.Generator:
-    """Random generator of a purpose for some names (subject, hand, task); the same names give the same
-    numbers.
+    """Random generator of a purpose for some names; the same names give the same numbers.
 
     There is one stream per purpose, so that neither a switch nor a length shifts the numbers of another.
-    session : empty where the study has no sessions; then it does not enter the seed.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the study.
+    purpose : str
+        What the numbers are for.
+    *names : str
+        Subject, hand, task and the like.
+    session : str
+        Session; it does not enter the seed where it is empty.
+
+    Returns
+    -------
+    numpy.random.Generator
+        The generator.
+
     """
     words = (purpose, *names, session) if session else (purpose, *names)
     digest = hashlib.sha256("\x1f".join(words).encode()).digest()

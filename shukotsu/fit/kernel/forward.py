@@ -1,6 +1,6 @@
 """Forward kinematics: from the root through every operation to the marks that receivers stand on.
 
-On paper: docs/whole-hand.md, section 4.
+On paper: docs/whole-hand.md, section 2.
 """
 
 from __future__ import annotations
