@@ -26,7 +26,7 @@ def run(main: Callable[[], int]) -> int:
     if ADDRESS not in os.environ:
         return main()
     status = run_in_fork([os.path.abspath(sys.argv[0]), *sys.argv[1:]])  # noqa: PTH100 - pathlib, see below
-    # the warm process has ended with its workflow, whose next run must find nobody at its files
+    # the warm process ended with its workflow; the next run must not find another process at its files
     if status is None and not os.path.isdir(os.path.dirname(os.environ[ADDRESS])):  # noqa: PTH112, PTH120
         print("error: the workflow that started this job was killed", file=sys.stderr)
         return KILLED

@@ -322,7 +322,7 @@ def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> l
 
 
 def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[SampledMotion], SampledMotion]:
-    """Each segment takes the pose of the receiver that it stands for, mounted by its own axes."""
+    """Undo an exchange: each segment takes the pose of the receiver that it got, by its own mounting axes."""
     rows = list(order)
     exchange = (
         np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes * recorded.mirror[:, None] * recorded.mirror

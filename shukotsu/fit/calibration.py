@@ -35,9 +35,9 @@ MOST_FRAMES = 60_000
 """Frames of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is used."""
 
 REFERENCE_FRAMES = 80
-"""Evenly spaced frames of a recording that the hand that anatomy expects is laid out and posed in. A motion
-repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and the 95th percentiles by
-0.02 mm.
+"""Number of evenly spaced frames in which the hand that anatomy expects is posed. Motions repeat themselves:
+with 200 frames the mean errors, which are millimetres, change by 0.001 mm and the 95th percentiles by 0.02
+mm.
 """
 
 

@@ -175,7 +175,7 @@ class FirstGuess:
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint angle (state) that moves skin, rad from where the skin is relaxed."""
+    """A joint angle (state) that moves skin; the skin is relaxed at relaxed_rad."""
 
     state: int
     relaxed_rad: float = 0.0

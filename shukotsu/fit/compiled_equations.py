@@ -207,7 +207,7 @@ def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Re
 
 @lru_cache(maxsize=2)
 def _evaluated(problem: Problem, point: Point) -> derivatives.Evaluation:
-    """Evaluate a problem at a point; the last two are kept, as most are asked for again."""
+    """Evaluate a problem at a point; the last two evaluations are cached, as most are needed again."""
     chains = _chains(problem)
     evaluation = derivatives.Evaluation(
         chains,

@@ -29,7 +29,7 @@ from shukotsu.study.layout import Digit
 from shukotsu.tables.poses import Poses
 
 BONE, TIP, PAD = "bone", "tip", "pad"
-"""Parts of a fingertip: the end of the last bone; the end of the digit; where its pulp touches."""
+"""Parts of a fingertip: the end of the last bone, the end of the digit, and the contact point of its pulp."""
 
 SOFT_PARTS = (TIP, PAD)
 

@@ -280,7 +280,7 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
 
 
 def _errors(postures: Postures, frames: Frames) -> PosedErrors:
-    """Compute the errors of every frame by a map of its own."""
+    """Compute the errors of every frame from the frame's own linear map."""
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
     neutral_deg = _neutral_sd_deg(postures.tips)

@@ -220,7 +220,9 @@ def _forget_unmeasured(block: Mapping[str, Columns], fit: HandFit, poses: Poses)
 
 
 def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
-    """Make numbers null and flag why, where nothing did before; gone : frames (T,) by what has rows."""
+    """Set numbers to null and flag the reason, unless there is a flag already. gone : frames (T,) to clear,
+    by joint, segment or digit.
+    """
     key = next(key for key in ("joint", "segment", "digit") if key in columns)
     names = columns[key].unique().to_pylist()
     count = len(columns["frame"]) // max(len(names), 1)

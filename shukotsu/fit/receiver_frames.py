@@ -133,25 +133,6 @@ class Convention:
         return rotation * np.outer(MIRROR, MIRROR), position_mm * MIRROR
 
 
-def concatenate_poses(recordings: Sequence[Poses]) -> Poses:
-    """Concatenate recordings of the same receivers.
-
-    Parameters
-    ----------
-    recordings : sequence of Poses
-        At least one.
-
-    Returns
-    -------
-    Poses
-        All frames, one recording after the other.
-
-    """
-    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-    arrays = [np.concatenate([getattr(poses, name) for poses in recordings]) for name in names]
-    return Poses(recordings[0].segments, *arrays)
-
-
 def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
     """Return pairs of each worn receiver's nearest worn neighbour towards the body, and itself."""
     before = {joint.child: joint.parent_receiver for joint in layout.solvable}

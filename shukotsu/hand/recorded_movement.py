@@ -175,7 +175,7 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
                     series[name] = _columns(count, values.shape[-1])
                 series[name][rows] = values[..., None]
     paths = {}
-    for name, columns in tips.items():  # to the skin's end where any frame knows it, else to the bone's
+    for name, columns in tips.items():  # to the end of the skin where it is ever known, else of the bone
         skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
         sd, first = (7, 8) if skin else (3, 4)
         place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]

@@ -23,8 +23,9 @@ from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.readers.hemispheres import sides
 from shukotsu.readers.jumps import OwnSides, breaks, exchanges, own_sides, spikes
-from shukotsu.readers.samples import NUMBERS, Samples, unwrapped_frames
+from shukotsu.readers.samples import Samples, unwrapped_frames
 from shukotsu.tables.limits import FARTHEST_MM
+from shukotsu.tables.poses import NUMBERS
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -79,7 +80,7 @@ _INVALIDATING = np.bitwise_or.reduce([_BIT[flag] for flag in INVALIDATING])
 _ROW = np.dtype(
     [("sample", "i8"), ("frame", "i8"), ("time_s", "f8"), ("numbers", "f8", len(NUMBERS)), ("flags", "u4")]
 )
-"""A sample of one segment; `sample` is its place in the recording."""
+"""A sample of one segment; `sample` is its index in the recording."""
 
 Rows = npt.NDArray[np.void]
 Flags = npt.NDArray[np.uint32]
@@ -415,7 +416,7 @@ def _same(first: Array, second: Array) -> Bools:
 
 
 def _gap_flags(rows: Rows) -> Flags:
-    """Return the flags (N,) of rows that lack numbers or a time, or whose time does not grow."""
+    """Return the flags (N,) of rows with missing numbers or times, or whose time does not increase."""
     empty, time_s = np.isnan(rows["numbers"]), rows["time_s"]
     some, every, timed = empty.any(-1), empty.all(-1), np.isfinite(time_s)
     explained = ("conflicting-duplicate", "partly-missing", "not-finite", "out-of-reach")

@@ -57,7 +57,7 @@ class Realism:
 
     @classmethod
     def exact(cls) -> Realism:
-        """Every assumption of the paper holds to rounding."""
+        """All assumptions of the paper hold, to rounding errors."""
         return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
 
 

@@ -41,7 +41,7 @@ _StrictLoader.yaml_implicit_resolvers = {}
 
 
 class _Dumper(yaml.SafeDumper):
-    """YAML that reads alike in both versions: text that either would parse as another type is quoted."""
+    """YAML dumper: text that version 1.1 or 1.2 would parse as another type is quoted."""
 
 
 _CORE_SCHEMA = {

@@ -87,7 +87,7 @@ class Recording:
 
     @property
     def title(self) -> str:
-        """Task and trial in words."""
+        """Task, and trial where there is one, as a text."""
         return ", ".join(filter(None, (self.task, self.trial)))
 
 

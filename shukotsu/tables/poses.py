@@ -31,8 +31,8 @@ KEPT_BYTES = 200 * 10**6
 """Total size of recordings cached after a full read; one larger than a quarter of it is not cached."""
 
 BYTES_A_POSE = 57
-_NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-_COLUMNS = ("frame", "time_s", *_NUMBERS, "valid")
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+_COLUMNS = ("frame", "time_s", *NUMBERS, "valid")
 
 
 @dataclass(frozen=True)
@@ -424,7 +424,7 @@ def _fill(
         raise _unshared_frames(path, segment)
     times = block.time_s[rows]
     np.copyto(times, columns["time_s"], where=np.isnan(times))
-    for axis, name in enumerate(_NUMBERS):
+    for axis, name in enumerate(NUMBERS):
         if (columns["valid"] & (np.abs(columns[name]) > FARTHEST_MM)).any():  # squares overflow
             raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
         numbers, component = (block.position_mm, axis) if axis < 3 else (block.quaternion, axis - 3)

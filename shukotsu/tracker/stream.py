@@ -213,7 +213,7 @@ class Counter:
         return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
 
     def _counted(self, records: Records, odd: Bools, count: int) -> Integers:
-        """Unwrap what the tracker counts, its frames or its clock; mark records that do not fit as odd.
+        """Unwrap the tracker's counter, of frames or of its clock; mark records that do not fit as odd.
 
         count : of the first records, those that are decided.
         """
