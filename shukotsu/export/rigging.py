@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from shukotsu.errors import InputError
 from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import Array, multiply, rotate
-from shukotsu.study.config_files import read_constants
+from shukotsu.study.config_files import export_constants
 
 FINGERS = ("index", "middle", "ring", "little")
 _FINGER = ("cmc", "mcp", "pip", "dip", "tip")
@@ -57,10 +56,7 @@ class Rig:
         return names
 
 
-RIGS: Mapping[str, Rig] = {
-    name: Rig(**keys)
-    for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["rigs"].items()
-}
+RIGS: Mapping[str, Rig] = {name: Rig(**keys) for name, keys in export_constants()["rigs"].items()}
 
 
 def on_rig(motion: PosedRecording, name: str) -> PosedRecording:
