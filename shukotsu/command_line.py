@@ -1,4 +1,4 @@
-"""Every command begins and ends here: exit code, the one sentence where it fails, interruption."""
+"""Start and end of every command: exit codes, one sentence for each error, signals."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ OF_THE_MACHINE = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE,
     errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
 }  # fmt: skip
-"""Errors of the system that come and go with the machine: nothing that a table should say of a subject."""
+"""Errors of the machine (disk, memory, network), which are not recorded as results of a subject."""
 ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 """Signals by which a process is asked to end; Windows has no SIGHUP."""
 ONE_THREAD = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
 )  # fmt: skip
-"""Variables by which libraries are told how many threads to take, all set to 1 before any is imported: sums
-are added up in one order, whatever the machine has, and small matrices gain nothing from threads."""
+"""Environment variables for the number of threads, all set to 1 before any library is imported: the order of
+summation, and so every bit of a result, must not depend on the machine; small matrices gain nothing from
+threads."""
 
 
 class Ended(SystemExit):
-    """A signal asked this process to end. then : what its sentence adds, after a semicolon."""
+    """Raised where a signal asks this process to end. then : text added to its message after a semicolon."""
 
     def __init__(self, number: int, then: str = "") -> None:
         super().__init__(128 + number)
@@ -48,7 +49,7 @@ class Ended(SystemExit):
 def parser(
     program: str, description: str, example: str, *, records_failure: bool | None = None
 ) -> argparse.ArgumentParser:
-    """Return a parser in the house's style: what it does, an example, a stage's way to record failures."""
+    """Return a parser with a description and an example; that of a stage also has --record-failure."""
     built = argparse.ArgumentParser(
         prog=program,
         description=description,
@@ -97,7 +98,7 @@ def option_of(name: str) -> str:
 
 
 def _path(text: str) -> Path:
-    """Return an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
+    """Convert an argument to a path; refuse an empty one, which comes from an unset variable of the shell."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; expected a path")
     return Path(text)
@@ -110,11 +111,12 @@ def run(
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> int:
-    """Read the arguments and do the work, which may give an exit code; give how it ended.
+    """Parse the arguments, do the work, which may return an exit code, and return the exit code.
 
-    record_failure : of a stage whose outputs have no parts; with --record-failure called with the message in
-    place of ending with 2, also for a bug, which must not cost a study its other subjects. record_bug : of a
-    stage whose outputs have parts, called so for a bug that is in none of them.
+    With --record-failure an error is written to the outputs instead of ending with 2, so that the study's
+    other subjects continue. record_failure : writes the message, of bad input or of a bug, for a stage whose
+    outputs have no parts. record_bug : writes that of a bug outside all parts, for a stage whose outputs
+    have parts.
     """
 
     def command() -> int | None:
@@ -139,16 +141,16 @@ def script(
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> Callable[..., int]:
-    """Return a stage's or command's `main`, which takes arguments and returns the exit code; see `run`."""
+    """Return the `main` of a stage or command: it takes arguments and returns the exit code; see `run`."""
     return lambda argv=None: run(build_parser, argv, work, record_failure, record_bug)
 
 
 def run_command(command: Callable[[], int | None]) -> int:
-    """Do a command, the one that another one hands over to too, and return its exit code.
+    """Run a command and return its exit code.
 
-    0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
-    the machine; 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP, with a sentence too; 141 where
-    nobody reads on; anything else is a bug, whose traceback stays.
+    0, or what the command returns; 2, with one sentence on stderr, for an error of the input, the
+    configuration or the machine; 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP, each with a
+    sentence; 141 where the reader of stdout has closed it. Any other exception is a bug and is raised.
     """
     try:
         begin()
@@ -193,7 +195,7 @@ def run_command(command: Callable[[], int | None]) -> int:
 
 
 def _print_refusal(why: str) -> int:
-    """Print why on stderr, where that can be written; return the exit code."""
+    """Print the reason on stderr, unless it is closed; return the exit code."""
     try:
         print(f"error: {why}", file=sys.stderr, flush=True)
     except OSError:
@@ -202,14 +204,14 @@ def _print_refusal(why: str) -> int:
 
 
 def _nowhere() -> TextIO:
-    """Return what stands for a standard stream that is closed or takes no more, where Python would fail
-    at what is left in it once more when it ends.
+    """Return a replacement for a standard stream that is closed or full: Python flushes it at exit and would
+    fail again.
     """
     return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
 
 
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
-    """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no path."""
+    """Raise InputError where an argument is not UTF-8 text, which tables and captures need, or not a path."""
     for name, value in vars(arguments).items():
         option = option_of(name)
         for each in value if isinstance(value, list | tuple) else [value]:
@@ -226,7 +228,7 @@ def _refuse_odd_text(arguments: argparse.Namespace) -> None:
 
 
 def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
-    """Raise InputError where a file to write is one to read, which would be lost, or another one to write."""
+    """Raise InputError where an output is also an input, which would be lost, or two outputs are one file."""
     named = [
         (name, path)
         for name, value in vars(arguments).items()
@@ -247,7 +249,7 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
 
 
 def _same_file(first: Path, second: Path) -> bool:
-    """Return whether two paths are of one file, be it by a link; a folder takes several."""
+    """Return whether two paths are the same file, also through a link; False for folders."""
     try:
         if first.is_dir() or second.is_dir():
             return False
@@ -260,10 +262,10 @@ def _same_file(first: Path, second: Path) -> bool:
 def keep_failure(
     arguments: argparse.Namespace, record: bool, *, only_bugs: bool = False
 ) -> Iterator[list[str]]:
-    """Keep and print the message of what is raised inside; raise it without `record`.
+    """Print and collect the message of an exception in the block; without `record` let it pass.
 
-    A TableError is raised, and that memory or the disk's room ran out or a package is not installed: no
-    results of a subject's. only_bugs : raise bad input too.
+    A damaged table, a lack of memory or disk space, and a package that is not installed always pass: they
+    are not results of a subject. only_bugs : let errors of the input pass too.
     """
     messages: list[str] = []
     try:
@@ -284,10 +286,10 @@ def keep_failure(
 
 
 def begin() -> None:
-    """Begin a process, be it one of hundreds that a cluster may end at any moment, or go on with it.
+    """Prepare the process: one thread, signals, standard streams. May be called again.
 
-    Where it is asked to end, it removes what it had half written first. A standard stream that is closed is
-    opened, lest a table that is written comes under its number.
+    SIGTERM and SIGHUP raise `Ended`, so that files half written are removed. Closed standard streams are
+    opened on the null device; otherwise the next file opened would get their descriptor.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     for name in ("stdin", "stdout", "stderr"):  # in the order of their numbers, the lowest of which is free
@@ -307,7 +309,7 @@ def _end(number: int, _: object) -> None:
 
 
 def block_ending(blocked: bool = True) -> None:
-    """Have signals that ask for an end wait, or come, those that waited at once."""
+    """Block the signals that ask for an end, or unblock them, which delivers those pending."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK if blocked else signal.SIG_UNBLOCK, ENDING)
 

@@ -25,7 +25,7 @@ def main() -> None:
     script, *arguments = sys.argv[1:]
     if ADDRESS in os.environ:
         status = run_in_fork([os.path.abspath(script), *arguments])  # noqa: PTH100 - pathlib is slow to import
-        # the warm process has ended with its workflow, whose next run must find nobody at its files
+        # the warm process ended with its workflow; the next run must not find another process at its files
         if status is None and not os.path.isdir(os.path.dirname(os.environ[ADDRESS])):  # noqa: PTH112, PTH120
             print("error: the workflow that started this job was killed", file=sys.stderr)
             status = KILLED

@@ -32,7 +32,7 @@ _current: ContextVar[tuple[str, gettext.NullTranslations]] = ContextVar(
 
 @contextmanager
 def translating(code: str, translations: gettext.NullTranslations) -> Iterator[None]:
-    """Translate what is said inside into a language."""
+    """Translate the texts that are made within the context into a language."""
     token = _current.set((code, translations))
     try:
         yield

@@ -53,6 +53,7 @@ def each_hand(arguments: argparse.Namespace) -> list[argparse.Namespace]:
 
 def fit(arguments: argparse.Namespace) -> None:
     """Fit every part of the hands and write their dimensions and their motion."""
+    from shukotsu.fit.calibration import calibrated_hand
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_fit
     from shukotsu.tables.typed_table import Provenance
@@ -68,7 +69,7 @@ def fit(arguments: argparse.Namespace) -> None:
             for part in parts_of(plan, of_hand.hand, of_hand.model):
                 recorded = fitted_tables(plan, part, tables)
                 with subject_stage.recording_failure(of_hand, part, *recorded):
-                    write_fit(plan, part, tables, fits)
+                    write_fit(plan, part, tables, calibrated_hand(plan, part, fits))
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:

@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def project_planes(arguments: argparse.Namespace) -> None:
     """Place every joint of every skeleton of the plan, write the table."""
-    from shukotsu.paper.place import place_joints
+    from shukotsu.paper.plane import place_joints
 
     plan = subject_stage.plan_of(arguments)
     solutions = plan.table("joint_solutions")

@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def stream(arguments: argparse.Namespace) -> None:
     """Play the recording by the emulated tracker, straight into the capture."""
-    from shukotsu.readers.formats.readers import read_played_recording
+    from shukotsu.readers.played_recording import read_played_recording
     from shukotsu.tracker.emulated_device import EmulatedLiberty
     from shukotsu.tracker.emulator import write_archive
 

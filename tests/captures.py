@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.families import StreamSettings
+from shukotsu.tracker.records import StreamSettings
 
 ITEMS = (8, 9, 11, 3, 7)
 RATE_HZ = 240.0

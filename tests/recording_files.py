@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.readers.formats.readers import find_parts_reader
+from shukotsu.readers.import_recording import find_parts_reader
 from shukotsu.readers.poses_table import PosesTable
 from shukotsu.readers.samples import Samples, join_samples
 from shukotsu.study.layout import Layout, read_layout

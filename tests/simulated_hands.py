@@ -19,7 +19,6 @@ from shukotsu.export.motion import read_motion
 from shukotsu.export.registry import ExportSettings, prepare
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.readers.samples import NUMBERS
 from shukotsu.simulate.random_hand import BONES, DIGITS
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.simulate.written_truth import write_truth
@@ -28,7 +27,7 @@ from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
 from shukotsu.tables.parts import part_metadata, parts_writer, read_part
-from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.poses import NUMBERS, Poses, read_poses
 from shukotsu.tables.typed_table import Provenance, Table, read_table, rows_of
 
 REPLAYED, FITTED = "paper-fig4", "whole-hand"

@@ -8,8 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.records import Decoded, PiecewiseDecoder, Reply, concatenate_records
+from shukotsu.tracker.records import Decoded, PiecewiseDecoder, Reply, StreamSettings, concatenate_records
 
 Numbers = tuple[float, ...]
 

@@ -1,6 +1,6 @@
 """All recordings of a subject, checked each alone and against each other.
 
-What needs several: one file named twice, a recording of another person.
+Only several recordings show that one file is named twice, or that a recording is of another person.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""List what else than declared may hold of a recording: each hypothesis changes its poses to undo it."""
+"""Possible mistakes in what is declared about a recording; each hypothesis can undo its mistake in poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import MM_PER_UNIT
 
 SENSES = ("receiver-to-transmitter", "transmitter-to-receiver")
-"""Senses of rotations; those of the second are inverted as they are read."""
+"""Directions of rotations; rotations of the second kind are inverted when read."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Recorded:
 
 
 def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
-    """Every mistake that is looked for by explaining the poses of the motion otherwise."""
+    """List all mistakes to be tested on the poses of the motion."""
     mistakes = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
     mistakes += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
@@ -138,7 +138,7 @@ SHARES = {
 
 
 CYCLIC_ORDERS = ("wxyz", "xyzw", "yzwx", "zwxy")
-"""What comes of w, x, y, z and x, y, z, w taken for each other, once or twice."""
+"""Orders that result from confusing w, x, y, z with x, y, z, w once or several times."""
 ORDERS = tuple(dict.fromkeys([*CYCLIC_ORDERS, *map("".join, permutations("wxyz"))]))
 """Every order of a quaternion's numbers, the cyclic ones first."""
 RARE = float(np.log(20.0))
@@ -151,7 +151,7 @@ INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 def _undo_quaternion_change(
     recorded: Recorded, change: Callable[[Array], Array]
 ) -> Callable[[SampledMotion], SampledMotion]:
-    """Undo a mistake of the file's own quaternions, which its mapping may have inverted."""
+    """Undo a mistake in the quaternions as the file has them, before its mapping inverts them."""
     sense = INVERSE if recorded.declared.rotates == SENSES[1] else np.ones(4)
 
     def undo(motion: SampledMotion) -> SampledMotion:
@@ -202,7 +202,7 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:
-    """Take rotations apart into angles about the declared axes, put them together about the true ones.
+    """Decompose rotations into angles about the declared axes and compose them about the true ones.
 
     true : in small letters of axes that stay where they are, as of scipy's.
     """
@@ -222,7 +222,7 @@ def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable
 def _undo_axes(
     factor: float | Array, order: Sequence[int] = (0, 1, 2)
 ) -> Callable[[SampledMotion], SampledMotion]:
-    """Take the positions' axes in another order and scale them."""
+    """Permute and scale the axes of the positions."""
     columns = list(order)
     return lambda motion: replace(motion, position_mm=motion.position_mm[..., columns] * factor)
 
@@ -322,7 +322,7 @@ def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> l
 
 
 def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[SampledMotion], SampledMotion]:
-    """Each segment takes the pose of the receiver that it stands for, mounted by its own axes."""
+    """Undo an exchange: each segment takes the pose of the receiver that it got, by its own mounting axes."""
     rows = list(order)
     exchange = (
         np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes * recorded.mirror[:, None] * recorded.mirror

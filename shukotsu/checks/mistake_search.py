@@ -23,7 +23,7 @@ from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
 from shukotsu.study.findings import Values
 
 INDEPENDENT_FRAMES = 8.0
-"""As many tell something of their own, however many were recorded."""
+"""Number of independent frames assumed, whatever the length of the recording."""
 PLACE_TAIL, TURN_TAIL = 12.0, 30.0
 """Degrees of freedom of the t distributions."""
 FLEXION_SD_DEG, SWING_SD_DEG = 12.0, 8.0
@@ -33,7 +33,7 @@ REACH_MM, REACH_LOG_SD = 120.0, 0.9
 
 @dataclass(frozen=True)
 class JointShares:
-    """What P series of a joint's two receivers say.
+    """Statistics of P series of the two receivers of a joint.
 
     joint : (P,) which. normal : (P, 6, 6), slope : (P, 6), square : (P,) of the mean squared gap, a quadratic
     form of the centres. turning : (P, F) log likelihood of how it turns, by facing of the thumb's metacarpal.

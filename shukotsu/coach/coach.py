@@ -22,14 +22,13 @@ from shukotsu.fit.gains import gains
 from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.fit.loose_receivers import displaced_in
 from shukotsu.fit.measurements import Measurement
-from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.study.findings import NOTE, in_quotes
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.verdict import BELIEVE, judged_joint
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, joined_poses
 
 LEAST_FRAMES = 240
 MOST_FITTED = 60
@@ -260,7 +259,7 @@ class Coach:
         now.kept.add(poses)
         self.frames += len(poses.frame)
         self.time_s = float(poses.time_s[-1])
-        newest = poses if now.newest is None else concatenate_poses([now.newest, poses])
+        newest = poses if now.newest is None else joined_poses([now.newest, poses])
         now.newest = newest.take(slice(int(np.searchsorted(newest.time_s, self.time_s - CHECKED_S)), None))
 
     def _step(self, time_s: float, *, late: bool) -> None:

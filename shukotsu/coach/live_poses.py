@@ -18,12 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.arrays import Array
-from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.readers.formats.raw_capture import segments_of_receivers
 from shukotsu.readers.jumps import spikes
 from shukotsu.readers.poses_table import NORM_TOLERANCE
 from shukotsu.study.layout import Layout
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tracker.archive import FollowedArchive, Piece, open_archive
 from shukotsu.tracker.stream import PieceReader, Tally
 from shukotsu.tracker.survey import SOURCE_FAILURES
@@ -147,7 +146,7 @@ class EvenFrames:
 
     def poses(self) -> Poses:
         """Return the frames kept, in order."""
-        self._parts = [concatenate_poses(self._parts)]
+        self._parts = [joined_poses(self._parts)]
         return self._parts[0]
 
 

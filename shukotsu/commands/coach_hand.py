@@ -151,7 +151,7 @@ def _run(
     """Coach until the archive ends or somebody ends it; of a recorder also until receivers were put right."""
     from shukotsu.coach.live_poses import LivePoses, Recorder
     from shukotsu.coach.page import EVERY_S, write_page
-    from shukotsu.fit.receiver_frames import concatenate_poses
+    from shukotsu.tables.poses import joined_poses
 
     title, poses = f"{archive.name}, {coached.hand.hand} hand", LivePoses(coached.hand.layout, archive)
     written_s, heard_s, lost = -EVERY_S, time.monotonic(), ""
@@ -159,7 +159,7 @@ def _run(
     def advise(pieces: list[Piece]) -> bool:
         """Print what the coach says of the frames in them; return whether there were any."""
         arrived = [whole for piece in pieces if (whole := poses.add(piece)) is not None]
-        for line in coached.take(concatenate_poses(arrived), may_leave_out=live) if arrived else ():
+        for line in coached.take(joined_poses(arrived), may_leave_out=live) if arrived else ():
             print(line, flush=True)
         return bool(arrived)
 

@@ -54,7 +54,7 @@ def emulate(options: argparse.Namespace) -> None:
             raise InputError("--loop: needs a port; leave it out with --archive")
     motion = built_in_motion()
     if options.recording is not None:  # the recorder alone has not what reads one
-        from shukotsu.readers.formats.readers import read_played_recording
+        from shukotsu.readers.played_recording import read_played_recording
 
         motion = read_played_recording(options.recording, options.layout, loop=options.loop)
         for note in motion.notes:

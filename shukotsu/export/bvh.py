@@ -26,17 +26,16 @@ from shukotsu.export.gaps import largest_time_error_s
 from shukotsu.export.motion import (
     ALONE_HZ,
     MOVES_MM,
+    ascii_name,
     facts_text,
     local_motion,
     require_rate,
     require_whole,
     rest_pose,
-    turn_angles,
 )
 from shukotsu.export.registry import FORMATS
-from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.hand.rotations import Array, conjugate, multiply
+from shukotsu.hand.rotations import Array, conjugate, multiply, turn_angles
 from shukotsu.tables.whole_files import replacing, write_text
 
 ANGLE_DECIMALS = 7

@@ -16,8 +16,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import ALONE_HZ, facts_text, require_rate, with_seen_receivers
-from shukotsu.export.rigging import ascii_name
+from shukotsu.export.motion import ALONE_HZ, ascii_name, facts_text, require_rate, with_seen_receivers
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import matrix
 from shukotsu.resources import PROGRAM, VERSION

@@ -129,7 +129,7 @@ def _taper(along_mm: Array, radius_mm: float) -> Array:
 
 
 def _flat(corners: Array) -> tuple[Array, Array, Index]:
-    """A convex solid whose faces have three vertices of their own, so that edges look sharp."""
+    """A convex solid with separate vertices for every face, so that edges look sharp."""
     faces = _faces(corners)
     position = corners[faces]
     normal = unit(np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0]))

@@ -28,8 +28,7 @@ from itertools import permutations
 
 import numpy as np
 
-from shukotsu.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, local_motion, turn_angles
-from shukotsu.export.rigging import plain_names
+from shukotsu.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, local_motion, plain_names
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import (
@@ -40,6 +39,7 @@ from shukotsu.hand.rotations import (
     mean_rotation,
     multiply,
     rotate,
+    turn_angles,
     unit,
 )
 

@@ -22,7 +22,8 @@ is a joint's own small translation. `position_mm` holds it, so that every joint 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -36,7 +37,7 @@ from shukotsu.errors import InputError
 from shukotsu.hand.neutral_bones import at_rest
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import PosedRecording, rigid_positions
-from shukotsu.hand.rotations import conjugate, from_matrix, matrix, multiply, rotate
+from shukotsu.hand.rotations import conjugate, from_matrix, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
@@ -44,52 +45,6 @@ from shukotsu.tables.device_clock import nominal_rate_hz
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import file_sha256
-
-
-def turn_angles(relative: Array, axes: Array) -> Array:
-    """Turns (T, 3) in rad of rotations (T, 4) about three axes at right angles, carried one by the other.
-
-    axes : (3, 3) rows, right- or left-handed. R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3); continuous
-    over the frames, so that values may leave a turn; q2 of the first frame is within [-pi / 2, pi / 2].
-    """
-    hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
-    basis = axes * hand[:, None]
-    angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
-    return np.asarray(continuous_angles(angles) * hand)
-
-
-def body_fixed_rad(rotation: Array) -> Array:
-    """Angles (..., 3) about x, y, z of rotation matrices (..., 3, 3), R = Rx Ry Rz, as OpenSim turns frames.
-
-    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
-    """
-    m = rotation
-    first = np.arctan2(-m[..., 1, 2], m[..., 2, 2])
-    sine, cosine = np.sin(first)[..., None], np.cos(first)[..., None]
-    side, front = cosine * m[..., 1, :] + sine * m[..., 2, :], cosine * m[..., 2, :] - sine * m[..., 1, :]
-    second = np.arctan2(m[..., 0, 2], front[..., 2])
-    return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
-
-
-def continuous_angles(angles_rad: Array) -> Array:
-    """Angles (T, ..., 3) in rad of turns about three axes at right angles, continuous over time.
-
-    angles_rad : those of each frame by itself. Of the two triples of every rotation, (a, b, c) and
-    (a + 180, 180 - b, c + 180 deg), that which is nearer to the frame before; then unwrapped. The first frame
-    stays as it is.
-    """
-    other = angles_rad * np.array([1.0, -1.0, 1.0]) + np.pi
-    swapped = _distance(other[1:], angles_rad[:-1]) < _distance(angles_rad[1:], angles_rad[:-1])
-    # second to second is as far as first to first
-    swapped = np.concatenate([np.zeros((1, *swapped.shape[1:]), bool), swapped])
-    second = np.logical_xor.accumulate(swapped, axis=0)
-    return np.asarray(np.unwrap(np.where(second[..., None], other, angles_rad), axis=0))
-
-
-def _distance(first: Array, second: Array) -> Array:
-    """Sum of three angles' distances (...) in rad, whole turns aside."""
-    return np.asarray(np.abs(np.mod(first - second + np.pi, 2 * np.pi) - np.pi).sum(-1))
-
 
 BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """Quaternion (4,) from the WebXR frame of a bone to its frame in our tables: q_webxr = q_bone * this."""
@@ -420,6 +375,26 @@ def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str)
     parts = {"hand": hand, "task": task, "trial": trial, "model": model}
     named = [f"{key}-{path_token(value)}" for key, value in parts.items() if value]
     return "_".join([f"sub-{who.token}", *named])
+
+
+def ascii_name(name: str) -> str:
+    """The name in letters, digits and `_ - : .` of ASCII only, for formats that know no quotes.
+
+    Any other character becomes its code, so that different names in practice stay different.
+    """
+    return "".join(c if c.isascii() and (c.isalnum() or c in "_-:.") else f"_u{ord(c):04x}" for c in name)
+
+
+def plain_names(names: Iterable[str]) -> list[str]:
+    """Names of letters, digits and underscores, no two the same; all that XML, OpenSim and scripts take."""
+    taken: list[str] = []
+    for original in names:
+        name = plain = re.sub(r"\W", "_", ascii_name(original), flags=re.ASCII)
+        number = 2
+        while name in taken:
+            name, number = f"{plain}_{number}", number + 1
+        taken.append(name)
+    return taken
 
 
 def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = ()) -> dict[str, Any]:

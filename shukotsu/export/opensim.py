@@ -40,15 +40,14 @@ from shukotsu.export.kinematic_tree import (
 from shukotsu.export.motion import (
     ALONE_HZ,
     BLOCK_FRAMES,
-    body_fixed_rad,
     carrier,
     facts_text,
+    plain_names,
     require_times,
     require_whole,
 )
-from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Origin, PosedRecording, known_points
-from shukotsu.hand.rotations import conjugate, matrix, mean_rotation, multiply, rotate
+from shukotsu.hand.rotations import body_fixed_rad, conjugate, matrix, mean_rotation, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.whole_files import replacing, write_text

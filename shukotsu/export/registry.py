@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shukotsu.errors import InputError
-from shukotsu.study.config_files import read_constants
+from shukotsu.study.config_files import export_constants
 
 if TYPE_CHECKING:
     from shukotsu.hand.posing import PosedRecording
@@ -185,8 +185,7 @@ class ExportFormat:
 
 
 FORMATS: Mapping[str, ExportFormat] = {
-    name: ExportFormat(**keys)
-    for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["formats"].items()
+    name: ExportFormat(**keys) for name, keys in export_constants()["formats"].items()
 }
 
 DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(

@@ -7,10 +7,8 @@ Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips, they are ca
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from shukotsu.errors import InputError
 from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import Array, multiply, rotate
-from shukotsu.study.config_files import read_constants
+from shukotsu.study.config_files import export_constants
 
 FINGERS = ("index", "middle", "ring", "little")
 _FINGER = ("cmc", "mcp", "pip", "dip", "tip")
@@ -58,30 +56,7 @@ class Rig:
         return names
 
 
-RIGS: Mapping[str, Rig] = {
-    name: Rig(**keys)
-    for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["rigs"].items()
-}
-
-
-def ascii_name(name: str) -> str:
-    """The name in letters, digits and `_ - : .` of ASCII only, for formats that know no quotes.
-
-    Any other character becomes its code, so that different names in practice stay different.
-    """
-    return "".join(c if c.isascii() and (c.isalnum() or c in "_-:.") else f"_u{ord(c):04x}" for c in name)
-
-
-def plain_names(names: Iterable[str]) -> list[str]:
-    """Names of letters, digits and underscores, no two the same; all that XML, OpenSim and scripts take."""
-    taken: list[str] = []
-    for original in names:
-        name = plain = re.sub(r"\W", "_", ascii_name(original), flags=re.ASCII)
-        number = 2
-        while name in taken:
-            name, number = f"{plain}_{number}", number + 1
-        taken.append(name)
-    return taken
+RIGS: Mapping[str, Rig] = {name: Rig(**keys) for name, keys in export_constants()["rigs"].items()}
 
 
 def on_rig(motion: PosedRecording, name: str) -> PosedRecording:

@@ -19,7 +19,7 @@ from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, multiply
-from shukotsu.readers.samples import NUMBERS
+from shukotsu.tables.poses import NUMBERS
 from shukotsu.tables.whole_files import replacing, write_text
 
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")

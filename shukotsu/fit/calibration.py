@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,9 +35,9 @@ MOST_FRAMES = 60_000
 """Frames of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is used."""
 
 REFERENCE_FRAMES = 80
-"""Evenly spaced frames of a recording that the hand that anatomy expects is laid out and posed in. A motion
-repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and the 95th percentiles by
-0.02 mm.
+"""Number of evenly spaced frames in which the hand that anatomy expects is posed. Motions repeat themselves:
+with 200 frames the mean errors, which are millimetres, change by 0.001 mm and the 95th percentiles by 0.02
+mm.
 """
 
 
@@ -46,9 +47,19 @@ Fits = dict[tuple[str, ...], Calibrated]
 """Fitted hands of a person, by the recordings that they were fitted to."""
 
 
-def calibrated_hand(
-    plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = (), fits: Fits | None = None
-) -> tuple[Fingertips, Unsteady]:
+class CalibratedHand(NamedTuple):
+    """A fitted hand with its fingertips.
+
+    unsteady : receivers displaced in its calibration. alone : why it was fitted without the other hand's bone
+    lengths though the model shares them; empty where it was not.
+    """
+
+    tips: Fingertips
+    unsteady: Unsteady
+    alone: str
+
+
+def calibrated_hand(plan: SubjectPlan, part: Part, fits: Fits) -> CalibratedHand:
     """Fit a part's hand, condition it on the other hand's bone lengths, on touches and on contacts.
 
     Parameters
@@ -57,28 +68,28 @@ def calibrated_hand(
         What the study knows of the person.
     part : Part
         Hand, model, and the task left out.
-    other_poses : sequence of Path
-        Recordings that calibrate the other hand; empty where no lengths are shared.
     fits : dict
         Hands of this person that are fitted already; missing ones are added.
 
     Returns
     -------
-    Fingertips
+    CalibratedHand
         The hand with its fingertips.
-    Unsteady
-        Receivers displaced in the calibration.
 
     Raises
     ------
     InputError
-        As `fit_calibration` does.
+        Where a finding refused all recordings to calibrate on, and as `fit_calibration` does.
 
     """
-    fits, fitting = {} if fits is None else fits, _fitting(plan, part)
+    plan.check_calibration_left(part.hand)
+    fitting = _fitting(plan, part)
+    other_poses, alone = partner_poses(plan, part)
+    if alone:
+        print(f"note: {alone}", file=sys.stderr)
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
     fit, recordings, unsteady = fit_calibration(plan, part, part.hand, poses, fits)
-    if other_poses and fitting.share_lengths:
+    if other_poses:
         other_hand = "left" if part.hand == "right" else "right"
         try:
             fit = share_lengths(fit, fit_calibration(plan, part, other_hand, other_poses, fits)[0])[0]
@@ -88,17 +99,37 @@ def calibrated_hand(
             print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
     tips = fingertips(fit)
     if not fitting.steps:
-        return tips, unsteady
+        return CalibratedHand(tips, unsteady, alone)
     tips = with_touches(tips, _touches(plan, part.hand, recordings, tips))
     opposition = [poses for name, poses in recordings.items() if name.task in fitting.contacts]
     contacts = [contact for poses in opposition for contact in find_contacts(tips, poses)]
-    return with_touches(tips, contacts), unsteady
+    return CalibratedHand(with_touches(tips, contacts), unsteady, alone)
 
 
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
-    """Poses that calibrate the person's other hand under the part's model, or why none may be used.
+    """Find the poses that calibrate the person's other hand under the part's model.
 
     While a recording of either hand has a finding or cannot be read, no lengths are shared between them.
+
+    Parameters
+    ----------
+    plan : SubjectPlan
+        What the study knows of the person.
+    part : Part
+        Hand, model, and the task left out.
+
+    Returns
+    -------
+    paths : list of Path
+        Poses files; empty where no lengths are shared.
+    reason : str
+        Why they are not shared though the model asks for it; else empty.
+
+    Raises
+    ------
+    InputError
+        Where the model fits no whole hand, or the layout is none.
+
     """
     layout = plan.layouts[part.hand]
     partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
@@ -198,7 +229,23 @@ def fit_calibration(
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
-    """Read a recording's poses, evenly thinned to at most most_frames."""
+    """Read a recording's poses, evenly thinned where it is long.
+
+    Parameters
+    ----------
+    path : Path
+        Poses file.
+    segments : sequence of str
+        Segments to read.
+    most_frames : int
+        Most frames that are kept.
+
+    Returns
+    -------
+    Poses
+        Every n-th frame, the first one included.
+
+    """
     return read_every(path, segments, -(-frame_count(path) // most_frames))
 
 

@@ -30,7 +30,19 @@ class Amount:
     parts: tuple[tuple[float, int], ...]
 
     def times(self, factor: float) -> Amount:
-        """The amount, scaled by a factor."""
+        """Scale the amount.
+
+        Parameters
+        ----------
+        factor : float
+            Factor on the constant and on every coefficient.
+
+        Returns
+        -------
+        Amount
+            The scaled amount.
+
+        """
         return Amount(self.constant * factor, tuple((c * factor, i) for c, i in self.parts))
 
     def plus(self, other: Amount) -> Amount:
@@ -38,7 +50,19 @@ class Amount:
         return Amount(self.constant + other.constant, self.parts + other.parts)
 
     def row(self, n_unknowns: int) -> Array:
-        """Derivative (G,) by the unknowns."""
+        """Compute the derivative of the amount by the unknowns.
+
+        Parameters
+        ----------
+        n_unknowns : int
+            Number of unknowns G.
+
+        Returns
+        -------
+        array, shape (G,)
+            In the amount's unit per unit of an unknown, which is one sd of its prior.
+
+        """
         row = np.zeros(n_unknowns)
         for coefficient, unknown in self.parts:
             row[unknown] += coefficient
@@ -69,19 +93,59 @@ class States:
     follows: dict[int, tuple[int, float]] = field(default_factory=dict)
 
     def add(self, joint: str, kind: str, mean_deg: float, sd_deg: float) -> int:
-        """Add a state; return its index."""
+        """Add a joint angle to the states of a frame.
+
+        Parameters
+        ----------
+        joint, kind : str
+            Joint, and which of its angles, one of KINDS.
+        mean_deg, sd_deg : float
+            Prior of the angle in every frame, deg.
+
+        Returns
+        -------
+        int
+            Index of the state.
+
+        """
         self.names.append((joint, kind))
         self.mean.append(float(np.radians(mean_deg)))
         self.sd.append(float(np.radians(sd_deg)))
         return len(self.names) - 1
 
     def follow(self, state: int, other: int, ratio: float, sd_deg: float) -> None:
-        """Set a state's prior mean to a multiple of another state, with an sd, instead of a constant."""
+        """Set the prior mean of a state to a multiple of another state, instead of a constant.
+
+        Parameters
+        ----------
+        state, other : int
+            State that follows, and the one that it follows.
+        ratio : float
+            Factor on the other state.
+        sd_deg : float
+            Prior sd about that, deg.
+
+        """
         self.follows[state] = other, ratio
         self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
 
     def sd_over(self, samples: float) -> Array:
-        """Prior sd (S,) of the states over independent samples; the coupling of two joints counts once."""
+        """Prior sd of the states over a number of independent samples.
+
+        The coupling of two joints is one fact about the hand and counts once, not once a sample: its sd grows
+        with the root of their number.
+
+        Parameters
+        ----------
+        samples : float
+            Number of independent samples.
+
+        Returns
+        -------
+        array, shape (S,)
+            Standard deviations, rad.
+
+        """
         sd = np.array(self.sd)
         sd[list(self.follows)] *= np.sqrt(samples)
         return sd
@@ -111,13 +175,27 @@ class FirstGuess:
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint angle (state) that moves skin, rad from where the skin is relaxed."""
+    """A joint angle (state) that moves skin; the skin is relaxed at relaxed_rad."""
 
     state: int
     relaxed_rad: float = 0.0
 
     def terms(self, per_rad: float, unknown: int | None = None) -> tuple[Term, Term]:
-        """Return the terms of skin that moves with the angle, that much per rad, times an unknown."""
+        """Terms of an amount of skin that moves in proportion to a joint's angle.
+
+        Parameters
+        ----------
+        per_rad : float
+            Amount per rad from the angle at which skin is relaxed.
+        unknown : int, optional
+            Index of an unknown that scales it.
+
+        Returns
+        -------
+        tuple of Term
+            Term with the joint angle, and the constant one of the relaxed angle.
+
+        """
         return Term(per_rad, unknown, self.state), Term(-per_rad * self.relaxed_rad, unknown)
 
 
@@ -162,15 +240,61 @@ class Builder:
         self.knuckles: dict[str, tuple[Amount, Amount, Amount]] = {}
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
-        """Return an amount with this mean and an unknown of this sd."""
+        """Add an unknown amount to the hand.
+
+        Parameters
+        ----------
+        mean : float
+            Mean of its prior, in its own unit (mm or rad).
+        sd : float
+            Standard deviation of its prior, in the same unit.
+        group, name : str
+            Group whose scale it shares (`fit.FAMILIES`), and its name.
+
+        Returns
+        -------
+        Amount
+            mean + sd times a new unknown.
+
+        """
         return Amount(mean, ((sd, self.unknowns.add(group, name)),))
 
     def place(self, mean: Amount, sd: float, group: str, name: str) -> Amount:
-        """Return an amount that differs from another by an unknown of this sd."""
+        """Add an amount that differs from another one by a new unknown.
+
+        Parameters
+        ----------
+        mean : Amount
+            The other amount.
+        sd : float
+            Standard deviation of its prior, in the same unit.
+        group, name : str
+            Group whose scale it shares (`fit.FAMILIES`), and its name.
+
+        Returns
+        -------
+        Amount
+            mean + sd times a new unknown.
+
+        """
         return mean.plus(self.free(0.0, sd, group, name))
 
     def shared(self, sd: float, group: str, name: str) -> Amount:
-        """Return an amount with mean 0 and this sd that several parts of the hand share."""
+        """Amount with mean zero that several parts of the hand share: one unknown under one name.
+
+        Parameters
+        ----------
+        sd : float
+            Standard deviation of its prior, in the same unit.
+        group, name : str
+            Group whose scale it shares (`fit.FAMILIES`), and its name.
+
+        Returns
+        -------
+        Amount
+            sd times the unknown, which is added where it is not there yet.
+
+        """
         full = f"{name} {group}"
         if full in self.unknowns.names:
             return Amount(0.0, ((sd, self.unknowns.names.index(full)),))
@@ -257,7 +381,25 @@ class Builder:
         return by_chance.plus(self.shared(PRIOR.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
     def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
-        """Return the terms that skin adds, an unknown of that sd per rad of each drive."""
+        """Add the unknowns by which a segment's skin moves with joint angles.
+
+        Parameters
+        ----------
+        segment : str
+            Segment that carries the receiver.
+        drives : sequence of Drive
+            Joint angles that move its skin.
+        group : str
+            Group of the unknowns.
+        sd : float
+            Their prior sd, mm or rad per rad, on skin of usual looseness.
+
+        Returns
+        -------
+        tuple of Term
+            Terms of the amount by which skin moves.
+
+        """
         sd *= PRIOR.looseness(segment)
         terms: tuple[Term, ...] = ()
         for n, drive in enumerate(drives):
@@ -266,28 +408,104 @@ class Builder:
 
 
 def along(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
-    """Translation by an amount."""
+    """Translate along an axis by an amount.
+
+    Parameters
+    ----------
+    axis : array, shape (3,)
+        Unit vector of the axis in the frame that the chain has there.
+    amount : Amount
+        Distance, mm.
+    skin : tuple of Term
+        Terms by which skin moves with a joint's angle; empty for a bone.
+
+    Returns
+    -------
+    Operation
+        Step of a chain (docs/whole-hand.md, section 2).
+
+    """
     return Operation(False, axis, amount.constant, (*(Term(c, i) for c, i in amount.parts), *skin))
 
 
 def about(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
-    """Rotation by an amount."""
+    """Rotate about an axis by an amount.
+
+    Parameters
+    ----------
+    axis : array, shape (3,)
+        Unit vector of the axis in the frame that the chain has there.
+    amount : Amount
+        Angle, rad, right-handed.
+    skin : tuple of Term
+        Terms by which skin moves with a joint's angle; empty for a bone.
+
+    Returns
+    -------
+    Operation
+        Step of a chain (docs/whole-hand.md, section 2).
+
+    """
     return Operation(True, axis, amount.constant, (*(Term(c, i) for c, i in amount.parts), *skin))
 
 
 def by_state(axis: Array, state: int, skin: tuple[Term, ...] = ()) -> Operation:
-    """Rotation by a joint angle."""
+    """Rotate about an axis by a joint angle.
+
+    Parameters
+    ----------
+    axis : array, shape (3,)
+        Unit vector of the axis in the frame that the chain has there.
+    state : int
+        Index of the angle among the states of a frame.
+    skin : tuple of Term
+        Terms by which skin moves with a joint's angle; empty for a bone.
+
+    Returns
+    -------
+    Operation
+        Step of a chain (docs/whole-hand.md, section 2).
+
+    """
     return Operation(True, axis, 0.0, (Term(1.0, None, state), *skin))
 
 
 def across_of(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors perpendicular to an axis and to each other."""
+    """Compute two unit vectors perpendicular to an axis and to each other.
+
+    Parameters
+    ----------
+    axis : array, shape (3,)
+        Unit vector.
+
+    Returns
+    -------
+    tuple of array, shape (3,)
+        First and second, so that axis, first and second are right-handed.
+
+    """
     first = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
     return first, np.cross(axis, first)
 
 
 def tilt_steps(across: tuple[Array, Array], tilts: Sequence[Amount], turn: Sequence[Step]) -> list[Step]:
-    """A rotation whose axis is tilted by two small rotations: there, turn, and back."""
+    """Rotate about an axis that two small rotations tilt: tilt, turn, and tilt back.
+
+    Parameters
+    ----------
+    across : tuple of array, shape (3,)
+        Axes of the two rotations, as `across_of` returns them.
+    tilts : sequence of Amount
+        Their angles, rad.
+    turn : sequence of Step
+        Rotation that is tilted.
+
+    Returns
+    -------
+    list of Step
+        Steps of the chain.
+
+    """
     first, second = across
     return [
         about(first, tilts[0]),

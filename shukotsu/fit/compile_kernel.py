@@ -1,4 +1,4 @@
-"""Command line: compile what fitting and posing a hand need, once, so that no study waits for it.
+"""Command line: compile the functions that fit and pose hands, in advance, so that no study waits for it.
 
 On paper: docs/whole-hand.md, section 6.
 """
@@ -59,7 +59,9 @@ def one_frame() -> tuple[Problem, Point]:
 
 @contextmanager
 def held_kernel(*, alone: bool) -> Iterator[None]:
-    """Hold the kernel's first file, alone to compile it: others wait. Without locks they compile as well."""
+    """Lock the kernel: exclusively to compile it, so that other processes wait, else shared. Where files
+    cannot be locked, every process compiles for itself.
+    """
     with Path(__file__).with_name("kernel").joinpath("__init__.py").open("rb") as file:
         with suppress(ImportError, OSError):
             import fcntl

@@ -207,7 +207,7 @@ def reach(branch: Branch, x: Array, y: Array, root: Array, root_mm: Array) -> Re
 
 @lru_cache(maxsize=2)
 def _evaluated(problem: Problem, point: Point) -> derivatives.Evaluation:
-    """Evaluate a problem at a point; the last two are kept, as most are asked for again."""
+    """Evaluate a problem at a point; the last two evaluations are cached, as most are needed again."""
     chains = _chains(problem)
     evaluation = derivatives.Evaluation(
         chains,
@@ -310,7 +310,25 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
 
 
 def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> Point:
-    """Take a step dx (G,) and the steps of roots and states that follow from it; return the new point."""
+    """Take a step of the hand's unknowns and the steps of roots and states that follow (section 6).
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted to what.
+    point : Point
+        Where the step starts.
+    steps : Steps
+        Equations that were reduced there.
+    dx : array, shape (G,)
+        Step of the unknowns.
+
+    Returns
+    -------
+    Point
+        Where the step ends.
+
+    """
     at = _poses(point)
     rhs = steps.root_rhs + np.tensordot(dx, steps.root_by_x, 1)
     d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)

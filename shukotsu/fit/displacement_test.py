@@ -89,7 +89,19 @@ class Displacement:
         return float(self.step @ DISPLACEMENT_PRECISION @ self.step) / 2
 
     def share(self, n_frames: int) -> Array:
-        """Return the share (F,) of the displacement that is reached in every frame."""
+        """Share of the displacement that is reached in every frame.
+
+        Parameters
+        ----------
+        n_frames : int
+            Number of frames F.
+
+        Returns
+        -------
+        array, shape (F,)
+            0 before the displacement, 1 after it.
+
+        """
         gone = np.arange(n_frames) + 1.0 - self.start
         return np.asarray(np.clip(gone / max(1, self.end - self.start), 0.0, 1.0))
 
@@ -110,10 +122,21 @@ class Courses:
 
 @cache
 def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
-    """Return all steps, slides and temporary offsets in a recording of n_intervals.
+    """List all steps, slides and temporary offsets that a recording may have.
 
-    from_start : whether a receiver may have sat elsewhere throughout, as in a recording that its hand was not
-    fitted to.
+    Parameters
+    ----------
+    n_intervals : int
+        Number of intervals that the recording is cut into.
+    from_start : bool
+        Whether a receiver may have sat elsewhere throughout, as in a recording that its hand was not fitted
+        to.
+
+    Returns
+    -------
+    Courses
+        Every course with the share of the displacement that is reached in each interval.
+
     """
     last, at = n_intervals - SHORTEST, np.arange(n_intervals)
     grid = range(0, n_intervals + 1, SLIDE_GRID)
@@ -201,7 +224,19 @@ class ScoreTest:
         return float(self._odds(None)[1].max(initial=0.0))
 
     def likeliest(self, receiver: int | None = None) -> Displacement | None:
-        """The most abnormal displacement, optionally of one receiver only; None where none is abnormal."""
+        """Find the most abnormal displacement.
+
+        Parameters
+        ----------
+        receiver : int, optional
+            The only receiver to look at; all of them if omitted.
+
+        Returns
+        -------
+        Displacement or None
+            None where none is abnormal.
+
+        """
         best, odds = self._odds(receiver)
         if not odds.any():
             return None
@@ -330,10 +365,25 @@ def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Ar
 
 
 def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
-    """Most (K,) that a step within an ellipsoid of these radii (K, 6) gains.
+    """Compute the most that a step within an ellipsoid gains.
 
     Trust region, by Newton's steps on 1 / |z| from where one component alone is at the edge (More & Sorensen
     1983, SIAM J Sci Stat Comput 4:553): they never go too far.
+
+    Parameters
+    ----------
+    radii : array, shape (K, 6)
+        Half axes of each ellipsoid, mm and rad.
+    slope : array, shape (K, 6)
+        Gain per step at its centre.
+    curvature : array, shape (K, 6, 6)
+        By how much the slope falls per step.
+
+    Returns
+    -------
+    array, shape (K,)
+        Gain of the best step in each.
+
     """
     values, vectors = np.linalg.eigh(radii[:, :, None] * curvature * radii[:, None])
     values = np.maximum(values, 0.0)
@@ -374,7 +424,21 @@ class Eliminated:
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> Eliminated:
-        """Eliminate at a point."""
+        """Eliminate states, roots and the hand's unknowns at a point.
+
+        Parameters
+        ----------
+        problem : Problem
+            What is fitted to what.
+        point : Point
+            Where it is linearised.
+
+        Returns
+        -------
+        Eliminated
+            Weighted residuals of every branch, and what is left of them when all unknowns follow.
+
+        """
         steps, branches = reduce(problem, point), []
         reduced = steps.frames_first()
         parts = zip(residuals(problem, point).branches, steps.jacobians(), strict=True)

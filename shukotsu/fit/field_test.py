@@ -70,11 +70,35 @@ class Disturbance:
     error: Array
 
     def at(self, position_mm: Array) -> Array:
-        """The error (..., 6) at places (..., 3)."""
+        """Error of receivers at some places.
+
+        Parameters
+        ----------
+        position_mm : array, shape (..., 3)
+            In the transmitter frame.
+
+        Returns
+        -------
+        array, shape (..., 6)
+            Error of position (mm) and rotation (rad).
+
+        """
         return np.asarray(self.share(position_mm)[..., None] * self.error)
 
     def share(self, position_mm: Array) -> Array:
-        """Return the share (...,) of `error` at places (..., 3); it falls with distance from the metal."""
+        """Share of `error` that receivers have at some places; it falls with the distance from the metal.
+
+        Parameters
+        ----------
+        position_mm : array, shape (..., 3)
+            In the transmitter frame.
+
+        Returns
+        -------
+        array, shape (...)
+            1 at the nearest receiver and nearer.
+
+        """
         away = np.linalg.norm(position_mm - self.source, axis=-1)
         nearest = np.linalg.norm(self.nearest - self.source)
         return np.asarray((nearest / np.maximum(away, nearest)) ** POWER)
@@ -85,7 +109,19 @@ SAME = 1e-4
 
 
 def fields(places: Array) -> list[Disturbance]:
-    """Sources all round the places (P, 3) where receivers were, with no error yet."""
+    """List sources that may disturb the field, all round the places where receivers were.
+
+    Parameters
+    ----------
+    places : array, shape (P, 3)
+        Receivers in the transmitter frame, mm.
+
+    Returns
+    -------
+    list of Disturbance
+        Each with an error of zero.
+
+    """
     directions = unit(np.array([n for n in product((-1.0, 0.0, 1.0), repeat=3) if any(n)]))
     farthest = places[np.argmax(places @ directions.T, axis=0)]
     return [

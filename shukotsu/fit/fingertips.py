@@ -29,7 +29,7 @@ from shukotsu.study.layout import Digit
 from shukotsu.tables.poses import Poses
 
 BONE, TIP, PAD = "bone", "tip", "pad"
-"""Parts of a fingertip: the end of the last bone; the end of the digit; where its pulp touches."""
+"""Parts of a fingertip: the end of the last bone, the end of the digit, and the contact point of its pulp."""
 
 SOFT_PARTS = (TIP, PAD)
 
@@ -90,7 +90,21 @@ class Fingertips:
         return self.digits[digit]
 
     def in_transmitter(self, poses: Poses, part: str = BONE) -> Array:
-        """Return bone, tip or pad (T, D, 3), mm, as the distal receivers carry it; NaN where not valid."""
+        """Positions of the digits' ends as the distal receivers carry them.
+
+        Parameters
+        ----------
+        poses : Poses
+            T frames.
+        part : str
+            BONE, TIP or PAD.
+
+        Returns
+        -------
+        array, shape (T, D, 3)
+            In the transmitter frame, mm; NaN where the receiver is not valid.
+
+        """
         out = np.full((len(poses.frame), len(self.digits), 3), np.nan)
         for i, tip in enumerate(self.digits.values()):
             column = poses.index(tip.receiver)
@@ -101,7 +115,19 @@ class Fingertips:
 
 
 def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """A matrix (n, n) whose product with its transpose is the covariance."""
+    """Compute a square root of a covariance by its eigenvectors.
+
+    Parameters
+    ----------
+    covariance : array, shape (n, n)
+        Symmetric; eigenvalues below zero, which are rounding errors, count as zero.
+
+    Returns
+    -------
+    array, shape (n, n)
+        L with L L^T = covariance.
+
+    """
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 

@@ -35,14 +35,14 @@ from shukotsu.fit.normal_equations import (
 )
 from shukotsu.fit.posterior import Posterior, SolvedFit
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
-from shukotsu.fit.receiver_frames import Convention, concatenate_poses, neighbours, postures, spread_frames
+from shukotsu.fit.receiver_frames import Convention, neighbours, postures, spread_frames
 from shukotsu.hand.average_hand import AVERAGE_LENGTH_MM, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, exp_rotation
 from shukotsu.hand.series import effective_samples
 from shukotsu.study.layout import Layout
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, joined_poses
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
     "mount": ("mount",),
@@ -195,7 +195,7 @@ LEAST_LEFT, MOST_WHOLE = 0.25, 0.9
 """Shares of the frames between which a receiver is lost for good: then those before are fitted."""
 
 EVEN_FRAMES = 300
-"""Evenly spaced over the recording, to see how residuals follow one another."""
+"""Number of evenly spaced frames from which the autocorrelation of residuals is estimated."""
 
 SIDE_SD = 0.0025
 """Sd of the difference between left and right, relative: lengths differ by less than 0.5 %
@@ -243,7 +243,21 @@ class HandFit(SolvedFit):
         return "left" if self.convention.left else "right"
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
-        """Return the hand with other unknowns (G,) and covariance (G, G)."""
+        """Replace the mean and covariance of the hand's unknowns.
+
+        Parameters
+        ----------
+        x : array, shape (G,)
+            Mean.
+        covariance : array, shape (G, G)
+            Covariance.
+
+        Returns
+        -------
+        HandFit
+            The same hand with that posterior.
+
+        """
         return replace(self, posterior=self.posterior.moved_to(x, covariance))
 
 
@@ -292,7 +306,7 @@ def fit_hand(
     root = root_of(layout)
     receivers = [root, *(name for name in layout.measured if name != root and name in worn)]
     convention = Convention.of(layout, receivers, hand)
-    everything = convention.frames(concatenate_poses(recordings))
+    everything = convention.frames(joined_poses(recordings))
     frames, share = _choose_frames(everything, layout, convention.receivers, settings.n_frames)
     scale = (1.0, PRIOR.SCALE_SD)
     if hand_length_mm is not None:
@@ -339,7 +353,7 @@ def _model(
 
 
 def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Mapping[str, DigitAnatomy]:
-    """Return the digits' anatomy; the thumb's metacarpal faces as its receiver does."""
+    """Return the digits' anatomy; the receiver shows which way the thumb's metacarpal faces."""
     thumb = next((digit for digit in known_digits(layout) if digit.name == "thumb"), None)
     if thumb is None or not set(thumb.segments[:2]) <= set(receivers):
         return DIGITS

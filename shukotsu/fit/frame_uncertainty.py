@@ -260,13 +260,27 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
 
 
 def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
-    """Some of the posed frames."""
+    """Select some of the posed frames.
+
+    Parameters
+    ----------
+    posed : PosedHand
+        T frames.
+    rows : array of int, shape (F,)
+        Their indices.
+
+    Returns
+    -------
+    PosedHand
+        F frames.
+
+    """
     names = ("angles_rad", "bone_position_mm", "bone_quaternion", "receiver_mm", "residual_mm", "posed")
     return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
 
 
 def _errors(postures: Postures, frames: Frames) -> PosedErrors:
-    """Compute the errors of every frame by a map of its own."""
+    """Compute the errors of every frame from the frame's own linear map."""
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
     neutral_deg = _neutral_sd_deg(postures.tips)

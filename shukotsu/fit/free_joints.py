@@ -54,7 +54,27 @@ class FreeJoint:
 def free_joints(
     layout: Layout, root: str, taken: Sequence[str], frames: Frames, receivers: Sequence[str]
 ) -> list[FreeJoint]:
-    """Joints that can be walked to from the root, in that order; `taken` are those that anatomy covers."""
+    """List the joints without known anatomy, in the order in which a chain reaches them from the root.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    root : str
+        Segment from which chains start.
+    taken : sequence of str
+        Joints that anatomy covers.
+    frames : Frames
+        Frames of the fit, by which their axes are guessed.
+    receivers : sequence of str
+        Receivers of those frames.
+
+    Returns
+    -------
+    list of FreeJoint
+        Joints that can be reached.
+
+    """
     walked: list[FreeJoint] = []
     reached, waiting = {root}, [j for j in layout.solvable if j.name not in taken]
     while True:

@@ -122,7 +122,7 @@ def _with_likeliest_bends(
 
 @dataclass(frozen=True)
 class Solution:
-    """End of a minimisation; converged : whether the steps became negligible."""
+    """Result of a minimisation; converged : whether the last steps were negligible."""
 
     point: Point
     residuals: Residuals

@@ -37,9 +37,20 @@ _UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes
 
 
 def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
-    """Return rows of joint_centres, joints between receivers first.
+    """Rows of joint_centres, joints between receivers first (docs/whole-hand.md, section 8).
 
-    weighed : whether the hand was fitted to data; otherwise no errors are stated.
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    weighed : bool
+        Whether the hand was fitted to data; otherwise no errors are stated.
+
+    Returns
+    -------
+    list of dict
+        A row for each joint; centres in the receivers' frames, mm.
+
     """
     summary = fit.summary
     rows = []
@@ -82,7 +93,21 @@ def _joint_row(joint: FittedJoint) -> JointCentresRow:
 
 
 def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
-    """Return rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
+    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    weighed : bool
+        Whether the hand was fitted to data; otherwise no errors are stated.
+
+    Returns
+    -------
+    list of dict
+        A row for each bone of known anatomy, mm.
+
+    """
     rows: list[BoneLengthsRow] = [
         {
             "digit": digit.name,
@@ -104,7 +129,21 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
 
 
 def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
-    """Return rows of receivers; unsteady : what was displaced in the calibration."""
+    """Rows of receivers: residuals, where each sits on its bone, and what was displaced.
+
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand with its fingertips.
+    unsteady : Unsteady
+        Receivers displaced in its calibration.
+
+    Returns
+    -------
+    list of dict
+        A row for each receiver, mm and deg.
+
+    """
     fit = tips.fit
     rows: list[ReceiversRow] = []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
@@ -187,7 +226,23 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
 def moved_rows(
     layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]
 ) -> list[MovedReceiversRow]:
-    """Return rows of moved_receivers, one a receiver: start of its first displacement, sum of all."""
+    """Rows of moved_receivers, one a receiver: start of its first displacement, sum of all.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    name : RecordingName
+        Name of the recording.
+    moved : sequence of LooseReceiver
+        Displacements in it.
+
+    Returns
+    -------
+    list of dict
+        A row for each receiver that moved, mm and deg.
+
+    """
     rows: list[MovedReceiversRow] = []
     for segment in dict.fromkeys(receiver.segment for receiver in moved):
         moves = [receiver for receiver in moved if receiver.segment == segment]
@@ -211,14 +266,42 @@ def moved_rows(
 
 
 def joints_beside(layout: Layout, segment: str) -> list[str]:
-    """Return joints whose angles depend on a segment's receiver, also through bones without a receiver."""
+    """List the joints whose angles depend on a receiver, also through bones without one.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    segment : str
+        Segment that carries the receiver.
+
+    Returns
+    -------
+    list of str
+        Joints.
+
+    """
     beside = [joint for joint in layout.joints.values() if segment in (joint.parent_receiver, joint.child)]
     bare = {joint.parent for joint in beside if not layout.segments[joint.parent].measured}
     return [joint.name for joint in layout.joints.values() if joint in beside or joint.child in bare]
 
 
 def digits_carried(layout: Layout, segment: str) -> list[str]:
-    """Return digits whose tips, relative to the hand, depend on a segment's receiver."""
+    """List the digits whose tips, relative to the hand, depend on a receiver.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the hand.
+    segment : str
+        Segment that carries the receiver.
+
+    Returns
+    -------
+    list of str
+        Digits.
+
+    """
     return [digit.name for digit in layout.digits.values() if segment in (digit.tip, digit.base)]
 
 

@@ -13,9 +13,8 @@ import numpy as np
 from shukotsu.fit.field_test import Disturbance
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, recording_of_rows
-from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.rotations import Array
-from shukotsu.tables.poses import Poses, RecordingName
+from shukotsu.tables.poses import Poses, RecordingName, joined_poses
 
 SAME_PLACE = (1.5, float(np.radians(3.0)))
 """mm and rad within which an offset counts as skin motion, not as a displacement."""
@@ -64,7 +63,7 @@ def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Disp
         were more than half of a receiver's frames).
 
     """
-    recording, valid = recording_of_rows(recordings), concatenate_poses(recordings).valid.copy()
+    recording, valid = recording_of_rows(recordings), joined_poses(recordings).valid.copy()
     for segment in {receiver.segment for receiver in displaced.loose}:
         moves = [receiver for receiver in displaced.loose if receiver.segment == segment]
         column = valid[:, recordings[0].index(segment)]
@@ -80,8 +79,20 @@ def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Disp
 
 
 def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str, float]:
-    """Share of each receiver's valid frames that is no longer valid, of those that lost any."""
-    was, left = (concatenate_poses(recordings).valid.sum(0) for recordings in (before, after))
+    """Share of each receiver's valid frames that were left out.
+
+    Parameters
+    ----------
+    before, after : sequence of Poses
+        Recordings of a calibration, whole and with frames left out.
+
+    Returns
+    -------
+    dict
+        Segment -> share, 0 to 1, of receivers that lost any frame.
+
+    """
+    was, left = (joined_poses(recordings).valid.sum(0) for recordings in (before, after))
     return {
         segment: float(1.0 - now / then)
         for segment, then, now in zip(before[0].segments, was, left, strict=True)
@@ -105,10 +116,26 @@ def is_elsewhere(before: HandFit, after: HandFit) -> bool:
 
 
 def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance | None) -> dict[str, Array]:
-    """The largest error (6,), mm and rad, of a disturbed field at each receiver that it reaches."""
+    """Find the largest error of a disturbed field at each receiver that it reaches.
+
+    Parameters
+    ----------
+    fit : HandFit
+        The hand.
+    recordings : sequence of Poses
+        Its calibration.
+    field : Disturbance or None
+        The disturbance; None where there is none.
+
+    Returns
+    -------
+    dict
+        Segment -> error (6,), mm and rad, where it is larger than `FELT_ERROR`.
+
+    """
     if field is None:
         return {}
-    errors, valid = _errors(fit, recordings, field), concatenate_poses(recordings).valid
+    errors, valid = _errors(fit, recordings, field), joined_poses(recordings).valid
     size = np.where(valid, _size(errors, FELT_ERROR), 0.0)
     worst = np.argmax(size, axis=0)
     return {
@@ -120,7 +147,7 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance |
 
 def _errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance) -> Array:
     """The field's error (T, S, 6) at every receiver of the recordings, as they name them."""
-    position = concatenate_poses(recordings).position_mm
+    position = joined_poses(recordings).position_mm
     error = field.at(fit.convention.world(np.eye(3), position)[1])
     return np.where(np.isfinite(error), error, 0.0)
 

@@ -24,10 +24,9 @@ from shukotsu.fit.gauss_newton import NEARLY, first_guess, solve
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, Residuals
 from shukotsu.fit.operations import Index
 from shukotsu.fit.posterior import SolvedFit
-from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, exp_rotation
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, joined_poses
 
 EVEN_FRAMES = 120
 """Evenly spaced over all recordings, several for each independent sample."""
@@ -126,7 +125,7 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
         Loose receivers in order of time, or a disturbed field.
 
     """
-    poses = concatenate_poses(recordings)
+    poses = joined_poses(recordings)
     n_even = min(EVEN_FRAMES, len(poses.frame))
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, n_even).round().astype(int))
     problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
@@ -232,13 +231,41 @@ class Tested:
         return cls(over_bones, np.array([NORMAL[kind] for kind in kinds]))
 
     def scored(self, problem: Problem, point: Point, only: Sequence[int] = ()) -> ScoreTest:
-        """Test these or only some of them."""
+        """Test receivers for displacements at a point.
+
+        Parameters
+        ----------
+        problem : Problem
+            What is fitted to what.
+        point : Point
+            The solution.
+        only : sequence of int, optional
+            Receivers to test; all of these if omitted.
+
+        Returns
+        -------
+        ScoreTest
+            Gains of all displacements.
+
+        """
         receivers = only or self.receivers
         return ScoreTest.of(problem, point, self.normal, receivers, from_start=self.calibrated)
 
 
 def recording_of_rows(recordings: Sequence[Poses]) -> Index:
-    """The recording of which each frame (T,) of all of them, one after the other, is."""
+    """Index of the recording that each frame is from, where all are put one after the other.
+
+    Parameters
+    ----------
+    recordings : sequence of Poses
+        Recordings of T frames in all.
+
+    Returns
+    -------
+    array of int, shape (T,)
+        Indices.
+
+    """
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 

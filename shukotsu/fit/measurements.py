@@ -117,7 +117,21 @@ def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
 
 
 def side_by_side(model: HandModel, x: Array) -> Observations:
-    """Hold apart the neighbouring knuckles that these unknowns (G,) have nearer than bones are thick."""
+    """Hold apart neighbouring knuckles that are nearer to each other than bones are thick.
+
+    Parameters
+    ----------
+    model : HandModel
+        Chains of the hand.
+    x : array, shape (G,)
+        The hand's unknowns.
+
+    Returns
+    -------
+    Observations
+        One for each pair that is too near: their least distance, over its sd.
+
+    """
     names, rows, values = [name for name in FINGERS if name in model.knuckles], [], []
     for first, second in pairwise(names):
         apart = _apart(model, first, second)

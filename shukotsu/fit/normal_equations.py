@@ -51,7 +51,21 @@ class FieldDistortion:
 
     @classmethod
     def among(cls, unknowns: Unknowns, places_mm: Array) -> FieldDistortion:
-        """Add the field's unknowns to a hand's; places_mm : (N, 3) of receivers, transmitter frame."""
+        """Add the field's unknowns to a hand's.
+
+        Parameters
+        ----------
+        unknowns : Unknowns
+            The hand's; twelve are added.
+        places_mm : array, shape (N, 3)
+            Receivers in the transmitter frame, all frames together.
+
+        Returns
+        -------
+        FieldDistortion
+            About the receivers' middle, outliers apart.
+
+        """
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
         near = places_mm
@@ -62,7 +76,19 @@ class FieldDistortion:
         return cls(np.array(turns + slopes), near.mean(0), reach_mm)
 
     def by_unknown(self, position_mm: Array) -> Array:
-        """Derivative (..., 3, 12) of the turn, a rotation vector in the transmitter's frame, at places."""
+        """Compute the derivative of the turn by the field's unknowns.
+
+        Parameters
+        ----------
+        position_mm : array, shape (..., 3)
+            Places in the transmitter frame.
+
+        Returns
+        -------
+        array, shape (..., 3, 12)
+            Of a rotation vector in the transmitter frame, rad.
+
+        """
         out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
         slope = self._slope(position_mm)
         for axis in range(3):
@@ -77,14 +103,44 @@ class FieldDistortion:
         return np.asarray(PRIOR.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
 
     def turn(self, position_mm: Array, x: Array) -> Array:
-        """Return rotations (..., 3, 3) by which the field turns receivers at places (..., 3)."""
+        """Compute the rotations by which the field turns receivers: B(t) of section 4.
+
+        Parameters
+        ----------
+        position_mm : array, shape (..., 3)
+            Places in the transmitter frame.
+        x : array, shape (G,)
+            The hand's unknowns.
+
+        Returns
+        -------
+        array, shape (..., 3, 3)
+            Rotation matrices in the transmitter frame.
+
+        """
         turn, slopes = np.split(x[self.unknowns], [3])
         return exp_rotation(
             PRIOR.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
         )
 
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
-        """Return rotations (..., 3, 3) as they would be measured without the distortion; x : (G,)."""
+        """Compute rotations as they would be measured without the distortion.
+
+        Parameters
+        ----------
+        rotation : array, shape (..., 3, 3)
+            As measured, receiver to transmitter frame.
+        position_mm : array, shape (..., 3)
+            Places in the transmitter frame.
+        x : array, shape (G,)
+            The hand's unknowns.
+
+        Returns
+        -------
+        array, shape (..., 3, 3)
+            The same without the field's turn.
+
+        """
         return np.asarray(self.turn(position_mm, -x) @ rotation)
 
 
@@ -130,7 +186,23 @@ class Observations:
 
     @classmethod
     def of(cls, rows: Sequence[Array], values: Sequence[float], n_unknowns: int) -> Observations:
-        """Return observations of one row (G,) each."""
+        """Combine observations of one row each.
+
+        Parameters
+        ----------
+        rows : sequence of array, shape (G,)
+            Linear combinations of x, over their sd.
+        values : sequence of float
+            What was measured of each, over its sd.
+        n_unknowns : int
+            Number of unknowns G.
+
+        Returns
+        -------
+        Observations
+            All of them.
+
+        """
         return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
 
     def plus(self, other: Observations) -> Observations:
@@ -164,12 +236,36 @@ class Problem:
     field: FieldDistortion | None = None
 
     def unknowns_of(self, index: int) -> Index:
-        """Indices into x of what moves the receivers of a branch, or how they are measured."""
+        """List the unknowns that move the receivers of a branch, or how these are measured.
+
+        Parameters
+        ----------
+        index : int
+            Index of the branch.
+
+        Returns
+        -------
+        array of int, shape (g,)
+            Indices into x, the field's last.
+
+        """
         of_branch = self.branches[index].unknowns
         return of_branch if self.field is None else np.concatenate([of_branch, self.field.unknowns])
 
     def rotation(self, x: Array) -> Array:
-        """Rotations (F, S, 3, 3) of the receivers, the field's turn undone."""
+        """Compute the receivers' rotations with the field's turn undone.
+
+        Parameters
+        ----------
+        x : array, shape (G,)
+            The hand's unknowns.
+
+        Returns
+        -------
+        array, shape (F, S, 3, 3)
+            Receiver to transmitter frame.
+
+        """
         if self.field is None:
             return self.frames.rotation
         return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
@@ -180,7 +276,19 @@ class Problem:
             yield from ((s, r) for (_, s), r in zip(receivers, branch.r, strict=True))
 
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
-        """Square root (s, s) of the precision of those states' priors."""
+        """Compute a square root of the precision of states' priors.
+
+        Parameters
+        ----------
+        states : array of int or slice
+            Indices of s states; all of them if omitted.
+
+        Returns
+        -------
+        array, shape (s, s)
+            R with R^T R the precision, per rad.
+
+        """
         link = np.eye(len(self.state_sd)) if self.state_link is None else self.state_link
         return np.asarray((link / self.state_sd[:, None])[states][:, states])
 
@@ -208,7 +316,19 @@ class Residuals:
 
 
 def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
-    """Twice the axis times the sine of the angle, (..., 3), of rotation matrices (..., 3, 3)."""
+    """Compute twice the axis times the sine of the angle of rotations.
+
+    Parameters
+    ----------
+    rotation : array, shape (..., 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        Zero at half a turn.
+
+    """
     return np.stack(
         [
             rotation[..., 2, 1] - rotation[..., 1, 2],
@@ -220,7 +340,19 @@ def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
 
 
 def log_rotation(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
-    """Rotation vectors (..., 3), rad, of rotation matrices; accurate for small angles and up to nearly pi."""
+    """Compute the rotation vectors of rotations, accurate for small angles and up to nearly pi.
+
+    Parameters
+    ----------
+    rotation : array, shape (..., 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        Axis times angle, rad.
+
+    """
     v = axial_vector(rotation) / 2
     sine = np.linalg.norm(v, axis=-1)
     cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2

@@ -152,7 +152,19 @@ class Branch:
         self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
 
     def per_state(self, x: Array) -> Array:
-        """Derivative (O, states) of every amount with respect to the branch's own states."""
+        """Compute the derivative of every operation's amount by the branch's own states.
+
+        Parameters
+        ----------
+        x : array, shape (G,)
+            The hand's unknowns.
+
+        Returns
+        -------
+        array, shape (O, s)
+            mm or rad per rad.
+
+        """
         by_state = self._by_state.copy()
         o, g, s = self._product_at.T
         np.add.at(by_state, (o, s), self._product * x[self.unknowns][g])
@@ -184,7 +196,21 @@ class Branch:
         return out
 
     def by_unknown(self, by_operation: Array, y: Array) -> Array:
-        """Derivative (..., F, 6, unknowns) by the branch's own unknowns from that by the operations."""
+        """Compute derivatives by the branch's own unknowns from those by its operations' amounts.
+
+        Parameters
+        ----------
+        by_operation : array, shape (..., F, 6, O)
+            As `by_operation` returns them.
+        y : array, shape (F, S)
+            Joint angles, rad.
+
+        Returns
+        -------
+        array, shape (..., F, 6, g)
+            Three rows of position, mm, and three of rotation, rad.
+
+        """
         o, _, s = self._product_at.T
         products = by_operation[..., o] * y[:, self.states][:, s][:, None, :]
         return np.asarray(np.concatenate([by_operation, products], -1) @ self._by_unknown_and_product)

@@ -1,11 +1,10 @@
 """One skeleton of a hand under a model that fits it whole: fitted, and every recording posed with it.
 
-On paper: docs/whole-hand.md, sections 7 and 10.
+On paper: docs/whole-hand.md, sections 7 and 11.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError
-from shukotsu.fit.calibration import REFERENCE_FRAMES, Fits, calibrated_hand, partner_poses, read_thinned
+from shukotsu.fit.calibration import REFERENCE_FRAMES, CalibratedHand, read_thinned
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fingertips import BONE, TIP, Fingertips
 from shukotsu.fit.fit import HandFit
@@ -85,18 +84,27 @@ def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWrite
     return list(recorded.values())
 
 
-def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], fits: Fits) -> None:
-    """Fit one skeleton and write its rows of every table; fits : see `calibrated_hand`."""
-    plan.check_calibration_left(part.hand)
-    partner, alone = partner_poses(plan, part)
-    note = {"note": alone} if alone else {}
-    if alone:
-        print(f"note: {alone}", file=sys.stderr)
-    tips, unsteady = calibrated_hand(plan, part, partner, fits)
+def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], hand: CalibratedHand) -> None:
+    """Write the rows of one fitted skeleton, and of every recording posed with it, into their tables.
+
+    Parameters
+    ----------
+    plan : SubjectPlan
+        What the study knows of the person.
+    part : Part
+        Hand, model, and the task left out.
+    tables : mapping of str to PartsWriter
+        Writers of FIT_TABLES by name.
+    hand : CalibratedHand
+        The hand as `calibrated_hand` returns it.
+
+    """
+    tips = hand.tips
+    note = {"note": hand.alone} if hand.alone else {}
     weighed = not plan.models[part.model].is_reference
     tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
-    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **note)
+    tables["receivers"].rows(part, receiver_rows(tips, hand.unsteady), **note)
     tables["gains"].rows(part, gains(tips) if weighed else [])
     tables["length_pulls"].rows(part, pull_rows(tips.fit) if weighed else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
@@ -145,11 +153,30 @@ Columns = dict[str, Any]
 def posed_blocks(
     tips: Fingertips, path: Path, moved: Sequence[LooseReceiver] = (), *, calibrates: bool = False
 ) -> Iterator[dict[str, Columns]]:
-    """Pose a recording block by block; yield columns of joint_angles, bone_poses and posed_tips without the
-    part's keys; what no receiver shows is null (`hand.measured`).
+    """Pose a recording block by block; what no receiver shows is null (`hand.measured`).
 
-    moved : receivers that sit elsewhere in it: from then on they are not used, and what hangs on them is
-    null. calibrates : whether the hand was fitted to it.
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand with its fingertips.
+    path : Path
+        Poses file.
+    moved : sequence of LooseReceiver
+        Receivers that sit elsewhere in the recording: from then on they are not used, and what hangs on them
+        is null.
+    calibrates : bool
+        Whether the hand was fitted to the recording.
+
+    Yields
+    ------
+    dict
+        Columns of joint_angles, bone_poses and posed_tips by table, without the part's keys.
+
+    Raises
+    ------
+    InputError
+        Where the file is not a poses table.
+
     """
     fit, name = tips.fit, recording_name(path)
     step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
@@ -193,7 +220,9 @@ def _forget_unmeasured(block: Mapping[str, Columns], fit: HandFit, poses: Poses)
 
 
 def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
-    """Make numbers null and flag why, where nothing did before; gone : frames (T,) by what has rows."""
+    """Set numbers to null and flag the reason, unless there is a flag already. gone : frames (T,) to clear,
+    by joint, segment or digit.
+    """
     key = next(key for key in ("joint", "segment", "digit") if key in columns)
     names = columns[key].unique().to_pylist()
     count = len(columns["frame"]) // max(len(names), 1)
@@ -207,7 +236,21 @@ def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: s
 
 
 def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
-    """Columns of bone_poses and posed_tips of a few frames, posed as anatomy expects the hand."""
+    """Pose a few frames of a recording by the hand that anatomy expects.
+
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand with its fingertips.
+    path : Path
+        Poses file.
+
+    Returns
+    -------
+    dict
+        Columns of bone_poses and posed_tips by table, without errors and without the part's keys.
+
+    """
     fit, name = tips.fit, recording_name(path)
     poses = read_thinned(path, fit.layout.measured, REFERENCE_FRAMES)
     posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
@@ -222,7 +265,27 @@ def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
 def angle_columns(
     name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
-    """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
+    """Columns of joint_angles for some frames, joint after joint (docs/whole-hand.md, section 11).
+
+    Parameters
+    ----------
+    name : RecordingName
+        Name of the recording.
+    fit : HandFit
+        The hand.
+    posed : PosedHand
+        The hand in T frames.
+    poses : Poses
+        The same T frames of the recording.
+    errors : PosedErrors, optional
+        Errors of the frames; null if omitted.
+
+    Returns
+    -------
+    dict
+        Columns of joint_angles, deg, without the part's keys.
+
+    """
     angles = _turns_deg(posed, fit.layout) | joint_angles_of(fit, posed)
     unknown = np.full((len(poses.frame), 3), np.nan)
     columns = _keys(name, "joint", list(angles), poses)
@@ -240,7 +303,25 @@ def angle_columns(
 def bone_columns(
     name: RecordingName, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
-    """Columns of bone_poses for the frames of poses, bone after bone; errors : where they are known."""
+    """Columns of bone_poses for some frames, bone after bone (docs/whole-hand.md, section 11).
+
+    Parameters
+    ----------
+    name : RecordingName
+        Name of the recording.
+    posed : PosedHand
+        The hand in T frames.
+    poses : Poses
+        The same T frames of the recording.
+    errors : PosedErrors, optional
+        Errors of the frames; null if omitted.
+
+    Returns
+    -------
+    dict
+        Columns of bone_poses, mm and unit quaternions, bone to transmitter frame, without the part's keys.
+
+    """
     columns = _keys(name, "segment", posed.bones, poses)
     position, turn = _stack(posed.bone_position_mm), _stack(posed.bone_quaternion)
     columns |= {f"{axis}_mm": position[:, index] for index, axis in enumerate("xyz")}
@@ -259,7 +340,31 @@ def tip_columns(
     ends_mm: Mapping[str, Array],
     errors: PosedErrors | None = None,
 ) -> Columns:
-    """Columns of posed_tips, digit after digit; left_out : rows posed without distal receivers as well."""
+    """Columns of posed_tips for some frames, digit after digit (docs/whole-hand.md, section 11).
+
+    Parameters
+    ----------
+    name : RecordingName
+        Name of the recording.
+    fit : HandFit
+        The hand.
+    posed : PosedHand
+        The hand in T frames.
+    poses : Poses
+        The same T frames of the recording.
+    left_out : array of int, shape (F,)
+        Frames that are posed without the distal receivers as well, for the error of a tip that was left out.
+    ends_mm : mapping of str to array, shape (T, D, 3)
+        Ends of the digits with a tip, by part (`ENDS`), transmitter frame.
+    errors : PosedErrors, optional
+        Errors of the frames; null if omitted.
+
+    Returns
+    -------
+    dict
+        Columns of posed_tips, mm, without the part's keys.
+
+    """
     digits = digits_with_tip(fit)
     receivers = [posed.receivers.index(digit.tip) for digit in digits]
     measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]

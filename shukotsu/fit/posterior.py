@@ -47,7 +47,25 @@ class Posterior:
 
     @classmethod
     def of(cls, problem: Problem, point: Point, reduced: Reduced, share: Array) -> Posterior:
-        """Laplace's approximation at a point; share : (F,) of the recording that each frame stands for."""
+        """Compute Laplace's approximation at a solution (docs/whole-hand.md, section 7).
+
+        Parameters
+        ----------
+        problem : Problem
+            What was solved.
+        point : Point
+            The solution.
+        reduced : Reduced
+            Normal equations there, undamped.
+        share : array, shape (F,)
+            Share of the recording that each frame stands for.
+
+        Returns
+        -------
+        Posterior
+            Normal distribution of the unknowns, and the mean posture.
+
+        """
         return cls(
             point.x,
             np.asarray(np.linalg.inv(reduced.matrix), float),
@@ -56,7 +74,21 @@ class Posterior:
         )
 
     def moved_to(self, x: Array, covariance: Array) -> Posterior:
-        """Return the posterior with another mean and covariance; mean joint angles follow to first order."""
+        """Replace mean and covariance; mean joint angles follow to first order.
+
+        Parameters
+        ----------
+        x : array, shape (G,)
+            Mean.
+        covariance : array, shape (G, G)
+            Covariance.
+
+        Returns
+        -------
+        Posterior
+            The new one.
+
+        """
         states = self.mean_states + self.states_by_x @ (x - self.x)
         return Posterior(x, covariance, states, self.states_by_x)
 
@@ -108,19 +140,63 @@ class Place:
     turned: Array
 
     def sees(self, other: Place) -> tuple[Array, Array]:
-        """Return the other's origin in this frame, mm, and its derivative (3, G)."""
+        """Compute another frame's origin in this frame.
+
+        Parameters
+        ----------
+        other : Place
+            The other frame.
+
+        Returns
+        -------
+        origin_mm : array, shape (3,)
+            Its origin.
+        by_x : array, shape (3, G)
+            Derivative by the unknowns.
+
+        """
         arm = other.t - self.t
         moved = other.moved - self.moved + cross(arm, self.turned.T).T
         return self.R.T @ arm, self.R.T @ moved
 
     def carrying(self, point_mm: Array, by_x: Array) -> Place:
-        """Return the place of a point at `point_mm` (3,) in this frame; by_x (3, G) : its derivative."""
+        """Compute the place of a point that this frame carries.
+
+        Parameters
+        ----------
+        point_mm : array, shape (3,)
+            The point in this frame.
+        by_x : array, shape (3, G)
+            Its derivative by the unknowns.
+
+        Returns
+        -------
+        Place
+            A frame at the point, parallel to this one.
+
+        """
         arm = self.R @ point_mm
         moved = self.moved + cross(self.turned.T, arm).T + self.R @ by_x
         return Place(self.R, self.t + arm, moved, self.turned)
 
     def sees_axis(self, axis: Array, turned: Array) -> tuple[Array, Array]:
-        """Return an axis in this frame and its derivative (3, G); turned : (3, G) how it turns itself."""
+        """Compute an axis in this frame.
+
+        Parameters
+        ----------
+        axis : array, shape (3,)
+            Unit axis in the base bone's frame.
+        turned : array, shape (3, G)
+            How it turns with the unknowns, rad.
+
+        Returns
+        -------
+        axis : array, shape (3,)
+            The axis in this frame.
+        by_x : array, shape (3, G)
+            Derivative by the unknowns.
+
+        """
         return self.R.T @ axis, self.R.T @ cross((turned - self.turned).T, axis).T
 
 

@@ -118,7 +118,23 @@ class AngleAxes:
     turn_sd_deg: float
 
     def of_hand(self, hand: str, more_rad: float = 0.0) -> tuple[Array, Array]:
-        """Rest and turn, (4,) each, in the frames of that hand's bones; more_rad : to turn by in addition."""
+        """Rest and turn in the bone frames of a right or a left hand.
+
+        Parameters
+        ----------
+        hand : str
+            right or left.
+        more_rad : float
+            Angle by which to turn the axes in addition, about the child bone.
+
+        Returns
+        -------
+        rest : array, shape (4,)
+            Unit quaternion (w, x, y, z), child to parent bone at zero.
+        turn : array, shape (4,)
+            Rotation of the axes about the child bone, in its frame.
+
+        """
         both = self.rest, about_axis(np.array([1.0, 0.0, 0.0]), np.array(self.turn_rad + more_rad))
         return (mirror_rotations(both[0]), mirror_rotations(both[1])) if hand == "left" else both
 
@@ -353,7 +369,23 @@ def _doubts(joint: Joint, fit: SolvedFit) -> dict[str, Values]:
 
 
 def angle_axes(fit: SolvedFit, places: Mapping[str, Place]) -> dict[str, AngleAxes]:
-    """Zero and axes of known joints that move; a thumb's CMC by its nail's side, as the MCP axis tells it."""
+    """Compute zero and axes of the angles of all joints with known anatomy that move (section 8).
+
+    The axes of a thumb's CMC joint follow its nail's side, as the axis of the MCP joint shows it.
+
+    Parameters
+    ----------
+    fit : SolvedFit
+        The hand.
+    places : mapping of str to Place
+        Marked frames of the mean posture, as `places_of` returns them.
+
+    Returns
+    -------
+    dict
+        Joint -> its zero and axes, of a right hand.
+
+    """
     covariance = fit.posterior.covariance
     axes = {}
     for digit in known_digits(fit.layout):

@@ -44,7 +44,19 @@ class Convention:
         return cls(tuple(receivers), receiver_axes(layout, tuple(receivers)), hand == "left")
 
     def frames(self, poses: Poses) -> Frames:
-        """Poses as frames; invalid poses are replaced by finite placeholders."""
+        """Convert poses to frames of the fit; invalid poses are replaced by finite placeholders.
+
+        Parameters
+        ----------
+        poses : Poses
+            F frames.
+
+        Returns
+        -------
+        Frames
+            Bone-like frames of S receivers, of a right hand.
+
+        """
         index = [poses.index(name) if name in poses.segments else -1 for name in self.receivers]
         worn = np.array(index) >= 0
         quaternion, position = poses.quaternion[:, index], poses.position_mm[:, index]
@@ -58,11 +70,39 @@ class Convention:
         return Frames(rotation, position, valid)
 
     def point(self, receiver: str, points_mm: Array) -> Array:
-        """Return points (..., 3) of the fitted receiver's frame in the receiver's own frame."""
+        """Convert points from the fit's frame of a receiver to its own.
+
+        Parameters
+        ----------
+        receiver : str
+            Segment that carries it.
+        points_mm : array, shape (..., 3)
+            In the fit's frame.
+
+        Returns
+        -------
+        array, shape (..., 3)
+            In the receiver's own frame, mm.
+
+        """
         return np.asarray(points_mm @ self.point_matrix(receiver).T)
 
     def axis(self, receiver: str, axes: Array) -> Array:
-        """Axes of rotation (..., 3), which mirror as pseudo-vectors, in the receiver's own frame."""
+        """Convert axes of rotation, which mirror as pseudo-vectors, to a receiver's own frame.
+
+        Parameters
+        ----------
+        receiver : str
+            Segment that carries it.
+        axes : array, shape (..., 3)
+            In the fit's frame.
+
+        Returns
+        -------
+        array, shape (..., 3)
+            In the receiver's own frame.
+
+        """
         return np.asarray((-axes if self.left else axes) @ self.point_matrix(receiver).T)
 
     def point_matrix(self, receiver: str) -> Array:
@@ -73,17 +113,24 @@ class Convention:
         return np.asarray(axes_of_receiver * MIRROR if self.left else axes_of_receiver)
 
     def world(self, rotation: Array, position_mm: Array) -> tuple[Array, Array]:
-        """Bone poses (..., 3, 3), (..., 3) back in the transmitter's frame; x stays distal, z dorsal."""
+        """Convert bone poses back to the transmitter's frame; x stays distal, z dorsal.
+
+        Parameters
+        ----------
+        rotation : array, shape (..., 3, 3)
+            Bone to the fit's world.
+        position_mm : array, shape (..., 3)
+            In the fit's world.
+
+        Returns
+        -------
+        tuple of array
+            The same poses in the transmitter's frame.
+
+        """
         if not self.left:
             return rotation, position_mm
         return rotation * np.outer(MIRROR, MIRROR), position_mm * MIRROR
-
-
-def concatenate_poses(recordings: Sequence[Poses]) -> Poses:
-    """Concatenate recordings of the same receivers."""
-    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-    arrays = [np.concatenate([getattr(poses, name) for poses in recordings]) for name in names]
-    return Poses(recordings[0].segments, *arrays)
 
 
 def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
@@ -100,7 +147,21 @@ def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Rotation matrices between pairs of receivers, (T, 9 pairs); a pair's mean where one is missing."""
+    """Compute features by which frames differ in posture: rotations between pairs of receivers.
+
+    Parameters
+    ----------
+    frames : Frames
+        T frames.
+    pairs : sequence of tuple
+        Indices of the receivers of each pair.
+
+    Returns
+    -------
+    array, shape (T, 9 P)
+        Rotation matrices of P pairs that are ever seen together; their mean where one is missing.
+
+    """
     features = []
     for parent, child in pairs:
         relative = np.swapaxes(frames.rotation[:, parent], -1, -2) @ frames.rotation[:, child]
@@ -116,10 +177,24 @@ def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
 def spread_frames(
     postures: Float[Array, "T D"], n_frames: int
 ) -> tuple[Int[Integers, " n"], Float[Array, " n"]]:
-    """Choose frames by farthest point: each next one is the farthest from all before it (Gonzalez 1985).
+    """Choose frames by farthest point: each is the farthest from all before it (Gonzalez 1985).
 
-    postures : (T, D) features; begins with the farthest from their mean. Returns rows in the order of time
-    and the share (n,) of all frames that are nearest to each.
+    The first is the farthest from the mean of all.
+
+    Parameters
+    ----------
+    postures : array, shape (T, D)
+        Features of the frames.
+    n_frames : int
+        Most frames to choose.
+
+    Returns
+    -------
+    rows : array of int, shape (n,)
+        Chosen frames in the order of time.
+    share : array, shape (n,)
+        Share of all frames that are nearest to each.
+
     """
     step = max(1, len(postures) // MOST_CANDIDATES)
     candidates = postures[::step]

@@ -244,6 +244,19 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
 
     That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. A person
     pinches in the same way each time, so all contacts of a finger share the weight of one.
+
+    Parameters
+    ----------
+    tips : Fingertips
+        The hand with its fingertips.
+    poses : Poses
+        T frames of a recording.
+
+    Returns
+    -------
+    list of Touch
+        One for each contact; empty without a thumb.
+
     """
     fingers = [name for name in tips.digits if name != THUMB]
     if THUMB not in tips.digits or not fingers:

@@ -74,7 +74,7 @@ class Prior:
     THUMB_ROLL_SD_RAD: float
     """Sd of the thumb's roll about its long axis."""
     AXIS_SD_RAD: float
-    """Sd of the direction of a joint's axis, either way."""
+    """Sd of the direction of a joint's axis, in each of the two directions across it."""
     SKEW_SD_MM: float
     """Sd of the distance between the thumb's CMC axes."""
     SKEW_AXIS_SD_RAD: float

@@ -93,23 +93,85 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
 
 
 def segment_quaternions(poses: Poses, segment: str) -> Array:
-    """Quaternions (T, 4) of one segment's receiver, each component's frames side by side in memory."""
+    """Rotations of one segment's receiver, each component contiguous in memory.
+
+    Parameters
+    ----------
+    poses : Poses
+        T frames.
+    segment : str
+        The segment.
+
+    Returns
+    -------
+    array, shape (T, 4)
+        Quaternions (w, x, y, z), receiver to transmitter frame.
+
+    """
     return np.asfortranarray(poses.quaternion[:, poses.index(segment)])
 
 
 def carried_mm(poses: Poses, segment: str, point_mm: Array) -> Array:
-    """Positions (T, 3) in the transmitter frame of a point fixed in a segment's receiver frame."""
+    """Positions of a point that a segment's receiver carries.
+
+    Parameters
+    ----------
+    poses : Poses
+        T frames.
+    segment : str
+        The segment.
+    point_mm : array, shape (3,)
+        The point in the segment's receiver frame.
+
+    Returns
+    -------
+    array, shape (T, 3)
+        In the transmitter frame, mm.
+
+    """
     return np.asarray(
         rotate(segment_quaternions(poses, segment), point_mm) + poses.position_mm[:, poses.index(segment)]
     )
 
 
 def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
-    """Positions (T, 3) in the base's receiver frame of a point fixed in a segment's receiver frame."""
+    """Positions, seen from one receiver, of a point that another one carries.
+
+    Parameters
+    ----------
+    poses : Poses
+        T frames.
+    base : str
+        Segment whose receiver sees the point.
+    segment : str
+        Segment whose receiver carries it.
+    point_mm : array, shape (3,)
+        The point in the segment's receiver frame.
+
+    Returns
+    -------
+    array, shape (T, 3)
+        In the base's receiver frame, mm.
+
+    """
     offset = carried_mm(poses, segment, point_mm) - poses.position_mm[:, poses.index(base)]
     return rotate(conjugate(segment_quaternions(poses, base)), offset)
 
 
 def all_valid(poses: Poses, segments: tuple[str, ...]) -> npt.NDArray[np.bool_]:
-    """Frames, (T,), in which every one of the segments has a valid pose."""
+    """Frames in which every one of some segments has a valid pose.
+
+    Parameters
+    ----------
+    poses : Poses
+        T frames.
+    segments : tuple of str
+        The segments.
+
+    Returns
+    -------
+    array of bool, shape (T,)
+        Whether all are valid.
+
+    """
     return np.asarray(poses.valid[:, [poses.index(segment) for segment in segments]].all(1))

@@ -269,7 +269,21 @@ ANATOMIES = (BLEND, *SOURCES)
 
 
 def blend_hands(hands: Sequence[DrawnHand], weights: Sequence[float] | Array) -> DrawnHand:
-    """The weighted mean of whole hands: of places and lengths, and of directions and axes as vectors."""
+    """Weighted mean of whole hands: of places and lengths, and of directions and axes as vectors.
+
+    Parameters
+    ----------
+    hands : sequence of DrawnHand
+        Hands of the same digits.
+    weights : sequence of float
+        Weight of each; their sum is 1.
+
+    Returns
+    -------
+    DrawnHand
+        The mean hand.
+
+    """
     return {name: _blended_digit([hand[name] for hand in hands], np.array(weights)) for name in hands[0]}
 
 

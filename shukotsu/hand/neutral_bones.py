@@ -149,7 +149,23 @@ def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
 def zeros_facing(
     joints: Sequence[SkeletonJoint], facing: Mapping[int, Array], hand: str
 ) -> tuple[SkeletonJoint, ...]:
-    """Return the joints with their zeros in rotated bone frames. facing : as of `to_nail_side`."""
+    """Express the zeros of joints' angles in rotated bone frames.
+
+    Parameters
+    ----------
+    joints : sequence of SkeletonJoint
+        Joints with their zeros.
+    facing : mapping of int to array, shape (4,)
+        Rotation of a bone's frame by the joint's index, as `to_nail_side` returns it.
+    hand : str
+        right or left.
+
+    Returns
+    -------
+    tuple of SkeletonJoint
+        The same joints with their new zeros, deg.
+
+    """
     still, turned = np.array([1.0, 0.0, 0.0, 0.0]), list(joints)
     for index, joint in enumerate(joints):
         if joint.zero_deg and {index, joint.parent} & facing.keys():

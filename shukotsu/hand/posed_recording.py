@@ -125,7 +125,24 @@ class RecordingReader:
         return frame_count(self.poses_file)
 
     def poses(self, every: int = 1) -> Poses:
-        """Read the receivers' poses, of all frames or one in `every`."""
+        """Read the receivers' poses.
+
+        Parameters
+        ----------
+        every : int
+            Frames from one that is read to the next; 1 for all.
+
+        Returns
+        -------
+        Poses
+            Of the layout's measured segments.
+
+        Raises
+        ------
+        InputError
+            Where the poses table is absent or its making failed.
+
+        """
         return read_every(self.poses_file, self.layout.measured, every)
 
     def pose_blocks(self) -> Iterator[Poses]:
@@ -137,8 +154,25 @@ class RecordingReader:
     def bones(self, poses: Poses, skeleton: Skeleton | None = None) -> PosedRecording:
         """Pose all bones at the frames of the recording's poses, or of some of them.
 
-        skeleton : where it was read already. A digit of which a joint failed, or that the fit does not pose,
-        is left out.
+        A digit of which a joint failed, or that the fit does not pose, is left out.
+
+        Parameters
+        ----------
+        poses : Poses
+            T frames of the recording.
+        skeleton : Skeleton, optional
+            The skeleton, where it was read already.
+
+        Returns
+        -------
+        PosedRecording
+            Bones in the transmitter frame.
+
+        Raises
+        ------
+        InputError
+            Where a table is absent, its making failed, or it has no row of the recording.
+
         """
         skeleton = skeleton or self.skeleton
         if self.is_fitted:
@@ -161,11 +195,32 @@ class RecordingReader:
         *,
         every: bool = True,
     ) -> dict[str, Array]:
-        """Read columns (T, C) of a frame-by-frame table, by its segments, digits or joints.
+        """Read columns of a frame-by-frame table, by its segments, digits or joints.
 
-        frames : at which, rising, NaN where the table has no row; None for all, of which each must have one,
-        or with every=False for those that have one.
-        name : of one segment, digit or joint alone. Returns nothing where there is no row of the recording.
+        Parameters
+        ----------
+        table : Table
+            The table.
+        columns : sequence of str
+            Names of C columns.
+        frames : array of int, shape (T,), optional
+            Ascending frame numbers to read; all frames if omitted.
+        name : str
+            The only segment, digit or joint to read; all if empty.
+        every : bool
+            Whether, without `frames`, each frame must have a row.
+
+        Returns
+        -------
+        dict
+            Segment, digit or joint -> array (T, C), NaN where the table has no row; empty where it has none
+            of the recording.
+
+        Raises
+        ------
+        InputError
+            Where the table is absent or its making failed.
+
         """
         key = self.part, self.recording.task, self.recording.trial
         count = self.n_frames if frames is None and every else None

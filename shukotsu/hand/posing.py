@@ -230,7 +230,19 @@ class PosedRecording:
         return xarray.Dataset(variables, coordinates, attributes)
 
     def only(self, kept: Sequence[int]) -> PosedRecording:
-        """Return some of the joints, each with its parent."""
+        """Select some of the joints, each with its parent.
+
+        Parameters
+        ----------
+        kept : sequence of int
+            Their indices, ascending.
+
+        Returns
+        -------
+        PosedRecording
+            With these joints.
+
+        """
         new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
         return replace(
             self,
@@ -246,9 +258,22 @@ class PosedRecording:
     def mapped(
         self, move: Callable[[Array], Array], turn: Callable[[Array], Array], **times: Any
     ) -> PosedRecording:
-        """Return the motion with other positions and rotations of joints and receivers.
+        """Replace positions and rotations of joints and receivers by functions of them.
 
-        times : frame, time_s and valid (T, R) where they are others too.
+        Parameters
+        ----------
+        move : callable
+            Positions (T, N, 3), mm, to positions (F, N, 3).
+        turn : callable
+            Rotations (T, N, 4) to rotations (F, N, 4).
+        **times : array
+            frame, time_s (F,) and valid (F, R), where they change too.
+
+        Returns
+        -------
+        PosedRecording
+            The motion in F frames.
+
         """
         there = self.receivers
         there = replace(
@@ -258,7 +283,19 @@ class PosedRecording:
         return replace(self, position_mm=move(self.position_mm), quaternion=turned, receivers=there)
 
     def take(self, rows: slice | Index | Bools) -> PosedRecording:
-        """Return only some of the frames."""
+        """Select some of the frames.
+
+        Parameters
+        ----------
+        rows : slice or array
+            Indices, or a mask (T,).
+
+        Returns
+        -------
+        PosedRecording
+            With these frames.
+
+        """
         receivers = self.receivers.take(rows if isinstance(rows, slice) else np.arange(len(self.frame))[rows])
         kept = self.position_mm[rows], self.quaternion[rows]
         return replace(self, position_mm=kept[0], quaternion=kept[1], receivers=receivers)
@@ -269,7 +306,21 @@ class PosedRecording:
 
 
 def known_points(position_mm: Array, quaternion: Array) -> Bools:
-    """Return which points have a whole pose in which frames, (T, N)."""
+    """Find the points that have a whole pose.
+
+    Parameters
+    ----------
+    position_mm : array, shape (T, N, 3)
+        Positions, NaN in gaps.
+    quaternion : array, shape (T, N, 4)
+        Rotations, NaN in gaps.
+
+    Returns
+    -------
+    array of bool, shape (T, N)
+        Whether position and rotation are finite.
+
+    """
     return np.asarray(np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1))
 
 
@@ -286,7 +337,19 @@ class ReceiverPoint:
     point_mm: Array
 
     def position_mm(self, poses: Poses) -> Array:
-        """Return positions (T, 3) in the transmitter frame, NaN where the receiver has no valid pose."""
+        """Positions of the point over time.
+
+        Parameters
+        ----------
+        poses : Poses
+            T frames.
+
+        Returns
+        -------
+        array, shape (T, 3)
+            In the transmitter frame, mm; NaN where the receiver has no valid pose.
+
+        """
         if not self.segment:
             return np.full((len(poses.frame), 3), np.nan)
         valid = poses.valid[:, poses.index(self.segment), None]

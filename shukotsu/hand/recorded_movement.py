@@ -175,7 +175,7 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
                     series[name] = _columns(count, values.shape[-1])
                 series[name][rows] = values[..., None]
     paths = {}
-    for name, columns in tips.items():  # to the skin's end where any frame knows it, else to the bone's
+    for name, columns in tips.items():  # to the end of the skin where it is ever known, else of the bone
         skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
         sd, first = (7, 8) if skin else (3, 4)
         place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
@@ -235,7 +235,19 @@ def _turn(poses: Poses, segment: str) -> Array:
 
 
 def running_on(angle_deg: Array) -> Array:
-    """Return angles (T, K) in (-180, 180] deg, cut in the widest arc between values instead; NaN stays."""
+    """Cut angles in the widest arc between their values instead of at 180 deg.
+
+    Parameters
+    ----------
+    angle_deg : array, shape (T, K)
+        K angles in (-180, 180]; NaN stays.
+
+    Returns
+    -------
+    array, shape (T, K)
+        The same angles, the fewer of them changed by 360 deg.
+
+    """
     out = angle_deg
     if not len(angle_deg):
         return out

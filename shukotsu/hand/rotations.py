@@ -105,7 +105,19 @@ def multiply(first: Float[Array, "*#n 4"], second: Float[Array, "*#n 4"]) -> Flo
 
 
 def conjugate(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
-    """Inverse rotations of unit quaternions, shape (..., 4)."""
+    """Compute inverse rotations.
+
+    Parameters
+    ----------
+    quaternion : array, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    array, shape (..., 4)
+        Unit quaternions of the inverse rotations.
+
+    """
     return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
@@ -136,7 +148,19 @@ def rotate(quaternion: Float[Array, "*#n 4"], vector: Float[Array, "*#n 3"]) -> 
 
 
 def left_matrix(quaternion: Float[Array, " 4"]) -> Float[Array, "4 4"]:
-    """Matrix (4, 4) of a quaternion (4,), so that `left_matrix(q) @ other` is `multiply(q, other)`."""
+    """Compute the matrix by which a quaternion multiplies others from the left.
+
+    Parameters
+    ----------
+    quaternion : array, shape (4,)
+        Quaternion (w, x, y, z).
+
+    Returns
+    -------
+    array, shape (4, 4)
+        L with L @ other = multiply(quaternion, other).
+
+    """
     w, x, y, z = quaternion
     return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
 
@@ -163,7 +187,19 @@ def about_axis(axis: Array, angle_rad: Array | float) -> Array:
 
 
 def angle(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n"]:
-    """Rotation angles in radians, 0 to pi, of unit quaternions (..., 4)."""
+    """Compute rotation angles.
+
+    Parameters
+    ----------
+    quaternion : array, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    array, shape (...)
+        Angles, 0 to pi rad.
+
+    """
     sine = np.linalg.norm(quaternion[..., 1:], axis=-1)
     return np.asarray(2.0 * np.arctan2(sine, np.abs(quaternion[..., 0])))
 
@@ -188,7 +224,19 @@ def nearest_rotation(m: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
 
 
 def unit(vector: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
-    """Vectors (..., 3) scaled to length one; a zero vector stays zero."""
+    """Scale vectors to length one.
+
+    Parameters
+    ----------
+    vector : array, shape (..., d)
+        In any unit.
+
+    Returns
+    -------
+    array, shape (..., d)
+        Unit vectors; a zero vector stays zero.
+
+    """
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     return np.asarray(vector / np.where(length > 0, length, 1.0))
 
@@ -236,7 +284,19 @@ def mean_rotation(quaternion: Float[Array, "n 4"]) -> Float[Array, " 4"]:
 
 
 def cross(a: Float[Array, "*#n 3"], b: Float[Array, "*#n 3"]) -> Float[Array, "*n 3"]:
-    """Cross product of vectors (..., 3), written out (np.cross is slow)."""
+    """Compute cross products, written out since np.cross is slow.
+
+    Parameters
+    ----------
+    a, b : array, shape (..., 3)
+        Vectors; the shapes broadcast.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        a x b.
+
+    """
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
@@ -245,7 +305,19 @@ def cross(a: Float[Array, "*#n 3"], b: Float[Array, "*#n 3"]) -> Float[Array, "*
 
 
 def cross_matrix(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
-    """Matrices (..., 3, 3) that give the cross product of vectors (..., 3) with what they multiply."""
+    """Compute the matrices of cross products.
+
+    Parameters
+    ----------
+    vector : array, shape (..., 3)
+        Vectors v.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        K with K @ other = v x other.
+
+    """
     x, y, z = (vector[..., axis] for axis in range(3))
     out = np.zeros((*vector.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
@@ -271,3 +343,82 @@ def exp_rotation(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
     outer = vector[..., :, None] * vector[..., None, :]  # K K = v v^T - |v|^2, K being the cross matrix
     once, twice = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
     return np.asarray(np.eye(3) * (1.0 - twice * angle**2) + once * cross_matrix(vector) + twice * outer)
+
+
+def turn_angles(relative: Float[Array, "T 4"], axes: Float[Array, "3 3"]) -> Float[Array, "T 3"]:
+    """Compute angles of rotations about three axes at right angles, carried one by the other.
+
+    R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3). Angles are continuous over the frames, so that they may
+    leave (-pi, pi]; q2 of the first frame is within [-pi / 2, pi / 2].
+
+    Parameters
+    ----------
+    relative : array, shape (T, 4)
+        Unit quaternions (w, x, y, z).
+    axes : array, shape (3, 3)
+        Unit axes in rows, right- or left-handed.
+
+    Returns
+    -------
+    array, shape (T, 3)
+        q1, q2, q3, rad.
+
+    """
+    hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
+    basis = axes * hand[:, None]
+    angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
+    return np.asarray(continuous_angles(angles) * hand)
+
+
+def body_fixed_rad(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
+    """Compute angles about x, y, z of rotations, R = Rx Ry Rz, as OpenSim turns frames.
+
+    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
+
+    Parameters
+    ----------
+    rotation : array, shape (..., 3, 3)
+        Rotation matrices.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        Angles, rad.
+
+    """
+    m = rotation
+    first = np.arctan2(-m[..., 1, 2], m[..., 2, 2])
+    sine, cosine = np.sin(first)[..., None], np.cos(first)[..., None]
+    side, front = cosine * m[..., 1, :] + sine * m[..., 2, :], cosine * m[..., 2, :] - sine * m[..., 1, :]
+    second = np.arctan2(m[..., 0, 2], front[..., 2])
+    return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
+
+
+def continuous_angles(angles_rad: Float[Array, "T *n 3"]) -> Float[Array, "T *n 3"]:
+    """Make angles of rotations about three axes at right angles continuous over time.
+
+    Of the two triples of every rotation, (a, b, c) and (a + 180, 180 - b, c + 180 deg), the one that is
+    nearer to the frame before is taken, then unwrapped. The first frame stays as it is.
+
+    Parameters
+    ----------
+    angles_rad : array, shape (T, ..., 3)
+        Angles of each frame by itself, rad.
+
+    Returns
+    -------
+    array, shape (T, ..., 3)
+        Angles of the same rotations, rad.
+
+    """
+    other = angles_rad * np.array([1.0, -1.0, 1.0]) + np.pi
+    swapped = _distance(other[1:], angles_rad[:-1]) < _distance(angles_rad[1:], angles_rad[:-1])
+    # second to second is as far as first to first
+    swapped = np.concatenate([np.zeros((1, *swapped.shape[1:]), bool), swapped])
+    second = np.logical_xor.accumulate(swapped, axis=0)
+    return np.asarray(np.unwrap(np.where(second[..., None], other, angles_rad), axis=0))
+
+
+def _distance(first: Array, second: Array) -> Array:
+    """Sum of three angles' distances (...) in rad, whole turns aside."""
+    return np.asarray(np.abs(np.mod(first - second + np.pi, 2 * np.pi) - np.pi).sum(-1))

@@ -104,12 +104,36 @@ class NormalEquations:
     C_dd: float
 
     def gap_rms_mm(self, p: Array, q: Array) -> float:
-        """Root mean square gap over frames of the centre p, q (3,) mm, in the frame of the first pose."""
+        """Root mean square gap of a centre over frames (Eq. 3).
+
+        Parameters
+        ----------
+        p, q : array, shape (3,)
+            Parent's and child's half of the centre, mm, in the frame of the first pose.
+
+        Returns
+        -------
+        float
+            Rms gap, mm.
+
+        """
         offset = p - self.M @ q - self.u
         return float(np.sqrt(max(float(offset @ offset) + self.gap_variance(q), 0.0)))
 
     def gap_variance(self, q: Array) -> float:
-        """Variance of the gap over frames, summed over its components, mm^2; it depends on q (3,) alone."""
+        """Variance of the gap over frames, summed over its components; it depends on q alone.
+
+        Parameters
+        ----------
+        q : array, shape (3,)
+            Child's half, mm, in the frame of the first pose.
+
+        Returns
+        -------
+        float
+            Variance, mm^2.
+
+        """
         return float(q @ self.C_DD @ q + 2 * q @ self.C_Dd + self.C_dd)
 
 

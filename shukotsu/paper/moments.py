@@ -155,13 +155,39 @@ class JointMoments:
                 self._add_joint(joint, block)
 
     def mean(self, joint: int) -> Array:
-        """Mean of (D, d) of a joint, shape (12,): D row by row, then d relative to the first pose, mm."""
+        """Mean of D and d of a joint (docs/method.md, "The closed form").
+
+        Parameters
+        ----------
+        joint : int
+            Index of the joint.
+
+        Returns
+        -------
+        array, shape (12,)
+            D row by row, then d less that of the first pose, mm, in the frame of the first pose.
+
+        """
         sums = self._sums[joint, :_FEATURES, 3]
         return np.asarray(self._in_first_pose(joint) @ sums / max(self.count[joint], 1))
 
     def spread(self, joint: int) -> tuple[Array, Array, float]:
-        """Covariances over frames: of D (3, 3) and of D with d (3,), summed over rows, and the variance of d,
-        mm^2.
+        """Covariances of D and d of a joint over frames (docs/method.md, "The closed form").
+
+        Parameters
+        ----------
+        joint : int
+            Index of the joint.
+
+        Returns
+        -------
+        C_DD : array, shape (3, 3)
+            Covariance of D, summed over its rows.
+        C_Dd : array, shape (3,)
+            Covariance of D with d, mm.
+        C_dd : float
+            Variance of d, summed over its components, mm^2.
+
         """
         n, mean = max(self.count[joint], 1), self.mean(joint)
         D, d = mean[:9].reshape(3, 3), mean[9:]
@@ -174,8 +200,18 @@ class JointMoments:
         )
 
     def batch_turns(self, joint: int) -> Array:
-        """Mean rotations of the batches relative to the first pose, unit quaternions (4, B) with w > 0, in
-        order.
+        """Mean rotations of the batches relative to the first pose, in the order of time.
+
+        Parameters
+        ----------
+        joint : int
+            Index of the joint.
+
+        Returns
+        -------
+        array, shape (4, B)
+            Unit quaternions (w, x, y, z), w > 0.
+
         """
         sums, counts = self._batches_of(joint)
         squares, turns = sums[:3] / counts, np.empty((4, len(counts)))
@@ -190,7 +226,21 @@ class JointMoments:
         return turns
 
     def batch_gaps_mm(self, joint: int, p_mm: Array, q_mm: Array) -> Array:
-        """Mean gaps (3, B) of the batches for the centre p, q (3,) mm, all in the frame of the first pose."""
+        """Mean gaps of the batches for a centre, in the order of time.
+
+        Parameters
+        ----------
+        joint : int
+            Index of the joint.
+        p_mm, q_mm : array, shape (3,)
+            Parent's and child's half of the centre, in the frame of the first pose.
+
+        Returns
+        -------
+        array, shape (3, B)
+            Gaps in the frame of the first pose, mm.
+
+        """
         sums, counts = self._batches_of(joint)
         of_means = np.zeros((3, _FEATURES))
         for axis in range(3):

@@ -1,17 +1,29 @@
-"""The plane of section 4: where it cuts a joint's axis, the effect on the uncertainty, and manual
-corrections.
-"""
+"""Joint centres: where section 4's plane cuts the axis, manual corrections, the stated error."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from shukotsu.arrays import Float
+from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array, nearest_rotation, unit
 from shukotsu.paper.closed import JointSolution
-from shukotsu.study.layout import Plane
+from shukotsu.paper.part_solutions import solution_of
+from shukotsu.paper.unseen_error import unseen_covariance
+from shukotsu.study.layout import Joint, Layout, Plane
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, note_doubts
+from shukotsu.tables.catalogue import JOINT_SOLUTIONS
+from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.typed_table import rows_of, vector_columns, vector_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import JointCentresRow, JointSolutionsRow
 
 
 @dataclass(frozen=True)
@@ -138,8 +150,18 @@ def correct(
 
 
 def centre_sd_mm(covariance_mm2: Float[Array, "6 6"]) -> float:
-    """Three-dimensional standard deviation of a centre from the covariance (6, 6) of (p, q): of the worse
-    half, mm.
+    """Three-dimensional standard deviation of a centre: that of the worse half.
+
+    Parameters
+    ----------
+    covariance_mm2 : array, shape (6, 6)
+        Covariance of (p, q).
+
+    Returns
+    -------
+    float
+        Standard deviation, mm.
+
     """
     variance = np.maximum(np.diag(covariance_mm2), 0.0)
     return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
@@ -183,3 +205,164 @@ def gap_rms_mm(
         - 2 * shift_parent_mm @ solution.mean_rotation @ shift_child_mm
     )
     return float(np.sqrt(solution.gap_rms_free_mm**2 + max(float(along + both + across), 0.0)))
+
+
+def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCentresRow]:
+    """Rows of joint_centres of one skeleton from its rows of joint_solutions.
+
+    Parameters
+    ----------
+    solutions : Path
+        The table joint_solutions.
+    plan : SubjectPlan
+        Plan of the subject.
+    part : Part
+        The skeleton.
+
+    Returns
+    -------
+    list of dict
+        One row for each joint.
+
+    Raises
+    ------
+    InputError
+        Where the table has a joint that the layout lacks.
+
+    """
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    rows_of_hand = [
+        row for row in plan.rows["corrections"] if row["hand"] == part.hand and model.planes.corrections
+    ]
+    corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
+    rows = []
+    for solution in rows_of(read_part(solutions, JOINT_SOLUTIONS, part)):
+        joint = layout.joints.get(solution["joint"])
+        if joint is None:
+            raise InputError(
+                f"{solutions}: joint {solution['joint']} is not in layout {layout.name}; "
+                "give the layout that the joints were solved with"
+            )
+        row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
+        row |= {"subject": plan.who.subject, "session": plan.who.session}
+        rows.append(row)
+    return rows
+
+
+def place_joint(
+    joint: Joint,
+    layout: Layout,
+    solution: JointSolutionsRow,
+    model: SkeletonModel,
+    correction_mm: Array | None,
+) -> JointCentresRow:
+    """Row of joint_centres of one joint, without subject, hand and model.
+
+    Parameters
+    ----------
+    joint, layout : Joint, Layout
+        The joint and the layout of the hand.
+    solution : mapping
+        Its row of joint_solutions.
+    model : SkeletonModel
+        The model, which says whether planes cut axes.
+    correction_mm : array, shape (3,), or None
+        Manual correction in the child's receiver frame.
+
+    Returns
+    -------
+    dict
+        A failed solution gives a row without numbers.
+
+    """
+    dof = 3 if joint.plane.frame == "none" else 1
+    row: JointCentresRow = {
+        "joint": joint.name,
+        "parent_segment": joint.parent_receiver,
+        "child_segment": joint.child,
+        "dof": dof if model.planes.cut else max(joint.dof, 1),
+        "source": "fit",
+        "n_frames": solution["n_frames"],
+        "status": solution["status"],
+        "message": solution["message"],
+    }
+    row |= UNJUDGED
+    if solution["status"] == "failed":
+        return row
+    solved = solution_of(solution)
+    numbers = ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")
+    row |= cast(Any, {name: getattr(solved, name) for name in numbers})
+    row |= vector_columns("axis_parent_", solved.null_parent)
+    row |= vector_columns("axis_child_", solved.null_child)
+    placed = _projection(joint, solved, cut=model.planes.cut)
+    if placed is None:
+        return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
+    shift_mm = np.zeros(3) if correction_mm is None else correction_mm
+    row |= _centre(solved, placed, shift_mm, model)
+    doubts: dict[str, Values] = {}
+    if model.planes.cut:
+        row |= _whole_error(joint, layout, placed, solved)
+        doubts |= _doubts(joint, row, model)
+    if correction_mm is not None:
+        row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
+        doubts[BY_HAND] = {"correction_mm": row["correction_mm"]}
+    row |= note_doubts(doubts)
+    return row
+
+
+def _projection(joint: Joint, solution: JointSolution, *, cut: bool) -> Projection | None:
+    """The centre where the plane cuts the axis, or as solved where the model uses no planes."""
+    if not cut:
+        return Projection(solution.p_mm, solution.q_mm, 0.0, None, solution.covariance_mm2)
+    if joint.plane.frame == "none":
+        return leave_uncut(solution)
+    return project(solution, joint.plane)
+
+
+def _centre(
+    solution: JointSolution, placed: Projection, shift_mm: Array, model: SkeletonModel
+) -> JointCentresRow:
+    """Columns of the corrected centre: its position, gap and scatter."""
+    p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, solution.mean_rotation)
+    gap = gap_rms_mm(solution, placed.slide_mm, p_mm - placed.p_mm, q_mm - placed.q_mm)
+    row: JointCentresRow = {
+        "gap_rms_mm": gap if model.planes.cut else solution.gap_rms_mm,
+        "covariance_mm2": placed.covariance_mm2.ravel().tolist(),
+        "sd_mm": centre_sd_mm(placed.covariance_mm2),
+        "slide_mm": placed.slide_mm,
+        "axis_plane_deg": placed.axis_plane_deg,
+    }
+    row |= vector_columns("parent_", p_mm, "_mm") | vector_columns("child_", q_mm, "_mm")
+    return row
+
+
+def _whole_error(
+    joint: Joint, layout: Layout, placed: Projection, solution: JointSolution
+) -> JointCentresRow:
+    """Columns of the total error, scatter plus unseen errors, with the scatter alone in scatter_sd_mm."""
+    unseen_mm2 = unseen_covariance(
+        joint,
+        layout,
+        placed,
+        (solution.null_parent, solution.null_child),
+        solution.mean_rotation,
+        solution.gap_rms_free_mm,
+        solution.range_deg,
+    )
+    covariance_mm2 = placed.covariance_mm2 + unseen_mm2
+    return {
+        "scatter_sd_mm": centre_sd_mm(placed.covariance_mm2),
+        "sd_mm": centre_sd_mm(covariance_mm2),
+        "covariance_mm2": covariance_mm2.ravel().tolist(),
+    }
+
+
+def _doubts(joint: Joint, row: JointCentresRow, model: SkeletonModel) -> dict[str, Values]:
+    """Doubts about the centre, by kind, with the numbers that they quote."""
+    doubts: dict[str, Values] = {}
+    if joint.compound:
+        doubts[ACROSS] = {"segment": joint.parent, "receiver": joint.parent_receiver}
+    angle_deg = row["axis_plane_deg"]
+    if angle_deg is not None and angle_deg < model.planes.parallel_limit_deg:
+        doubts[AXIS_IN_PLANE] = {"axis_plane_deg": angle_deg, "slide_mm": abs(row["slide_mm"])}
+    return doubts

@@ -70,7 +70,21 @@ class Reference:
 
     @classmethod
     def of(cls, vector_mm: Array, normal: Array, normal_proximal: Array) -> Reference:
-        """Build the reference from v(1) (3,) mm and the unit normals (3,) of metacarpal and phalanx."""
+        """Build the reference of Eq. 8-10 from one frame.
+
+        Parameters
+        ----------
+        vector_mm : array, shape (3,)
+            v(1), in the base receiver's frame.
+        normal, normal_proximal : array, shape (3,)
+            Unit dorsal normals of the metacarpal and of the proximal phalanx, in the same frame.
+
+        Returns
+        -------
+        Reference
+            With the twist of that frame.
+
+        """
         angle, _ = twist(vector_mm[None], normal[None], normal_proximal[None])
         return cls(vector_mm, normal, float(angle[0]))
 

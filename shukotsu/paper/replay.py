@@ -65,7 +65,23 @@ def tips_least_squares(bones: PosedRecording) -> dict[str, Array]:
 
 
 def first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> FirstFrame | None:
-    """First usable frame and the metacarpal's quaternion (1, 4) in it; None where no frame is usable."""
+    """Find the first usable frame of a digit (section 6).
+
+    Parameters
+    ----------
+    chain : DigitChain
+        The digit.
+    poses : Poses
+        T frames.
+    metacarpal : array, shape (T, 4), or None
+        Quaternions of its metacarpal; None where it is posed by a receiver.
+
+    Returns
+    -------
+    tuple or None
+        The frame, and the metacarpal's quaternion (1, 4) in it; None where no frame is usable.
+
+    """
     usable = usable_frames(chain, poses, metacarpal)
     if not usable.any():
         return None
@@ -123,12 +139,41 @@ def tip_first_frame(
 
 
 def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
-    """Distances (T,) mm from replayed tips (T, 3) to the origin of the distal receiver; NaN in gaps."""
+    """Distance of replayed tips from the origin of the distal receiver (section 6).
+
+    Parameters
+    ----------
+    tip : array, shape (T, 3)
+        Replayed tips in the transmitter frame, mm.
+    chain : DigitChain
+        The digit.
+    poses : Poses
+        The same T frames.
+
+    Returns
+    -------
+    array, shape (T,)
+        Distances, mm; NaN in gaps.
+
+    """
     return np.asarray(np.linalg.norm(tip - poses.position_mm[:, poses.index(chain.digit.tip)], axis=-1))
 
 
 def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
-    """Maximum, minimum, mean, SD (divisor n), median and 95th percentile of the finite errors (T,), mm."""
+    """Statistics of the finite errors among those of all frames, as the paper's tables have them.
+
+    Parameters
+    ----------
+    error_mm : array, shape (T,)
+        Tip errors, NaN in gaps.
+
+    Returns
+    -------
+    dict
+        Columns of tip_errors: maximum, minimum, mean, SD (divisor n), median and 95th percentile, mm, and
+        their number of frames.
+
+    """
     known_mm = error_mm[np.isfinite(error_mm)]
     if not len(known_mm):
         return {"n_frames": 0}
@@ -276,7 +321,23 @@ class _Replay:
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[TipErrorsRow]:
-    """Rows of tip_errors of a digit without numbers, with the reason."""
+    """Rows of tip_errors of a digit without numbers.
+
+    Parameters
+    ----------
+    digit : str
+        The digit.
+    reason : str
+        Why there are none.
+    n_frames : int
+        Frames of the recording that are usable.
+
+    Returns
+    -------
+    list of dict
+        A row for each binding.
+
+    """
     return [_row(digit, binding, n_frames, reason) for binding in BINDINGS]
 
 

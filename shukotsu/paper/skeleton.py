@@ -64,7 +64,7 @@ def merge_fitted(
         if row is None:
             merged.append(projected)
             continue
-        merged.append(  # with what only the joint-wise solution has
+        merged.append(  # plus the columns that only the joint-wise solution has
             {
                 **row,
                 "gap_rms_free_mm": projected["gap_rms_free_mm"],

@@ -16,7 +16,7 @@ from shukotsu.hand.rotations import Array, matrix
 EXACT_HINGE = 5e-13
 """Threshold on the smallest squared singular value over frames: below it the value is rounding error.
 
-The joint is then a hinge without noise, whose sixth unknown no inverse can determine.
+The joint is then a hinge without noise, whose sixth unknown is undetermined.
 """
 
 

@@ -59,7 +59,7 @@ def expected_joints(layout: Layout) -> dict[str, Array]:
     for digit in known_digits(layout):
         for bone, name in enumerate(digit.segments):
             worn, mount = layout.segments[name], DIGITS[digit.name].mounts_mm()[bone]
-            faces_known = digit.name != "thumb"  # a thumb's receivers sit anywhere round the bone
+            faces_known = digit.name != "thumb"  # the roll of a thumb's receivers about the bone is unknown
             side_mm = faces_known * mount[2] * np.array(worn.dorsal)
             expected_mm[name] = -mount[0] * np.array(worn.distal) - side_mm
     return expected_mm
@@ -138,7 +138,7 @@ class _Pair:
 
 
 def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
-    """Return both where the child has poses, the parent's between its own where they are not in step."""
+    """Return both receivers at the child's frames, the parent interpolated where they are not in step."""
     frames, positions, runs = [], [], []
     for sided_by, (frame, numbers) in ((parent, above), (child, below)):
         piece = sided_by.piece_at(frame)

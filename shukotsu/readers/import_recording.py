@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
-from shukotsu.errors import count_of
-from shukotsu.study.file_formats import AUTO, UNMAPPED
+from shukotsu.errors import InputError, count_of
+from shukotsu.study.file_formats import AUTO, FORMATS, UNMAPPED, format_of, function_of
 
 if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples
+    from shukotsu.study.layout import Layout
+    from shukotsu.study.mapping import FileMapping
+
+    PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 _DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
 """Keys of a mapping that say what its numbers are, for the checks."""
@@ -49,10 +53,42 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
+    """Return the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
+
+    The recording comes part by part, at least one; what a part notes is of the whole recording.
+    Raises InputError where the ending is none that is known, or is one that needs a mapping.
+    """
+    from shukotsu.readers.samples import Samples
+    from shukotsu.tables.text_files import open_text
+
+    if mapping is not None:
+        chosen = FORMATS[mapping.format]
+        function = chosen.mapped_reader or chosen.reader
+    else:
+        named = format_of(path) if name == AUTO else FORMATS[name]
+        if named is None or named.needs_mapping:
+            with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
+                pass
+            endings = ", ".join(ending for name in UNMAPPED for ending in FORMATS[name].endings)
+            raise InputError(
+                f"{path}: the ending {path.suffix!r} does not say which format this is (known are "
+                f"{endings}); give --format {' or '.join(UNMAPPED)}, or a mapping: "
+                "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
+            )
+        function = named.reader
+    read = function_of("shukotsu.readers.formats", function)
+
+    def parts(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
+        samples = read(path, layout, mapping)
+        return iter([samples]) if isinstance(samples, Samples) else samples
+
+    return parts
+
+
 def import_recording(arguments: argparse.Namespace) -> None:
     """Read the recording, check it, write the table; notes on what is not there go to stderr."""
     from shukotsu.errors import reading_what_was_brought
-    from shukotsu.readers.formats.readers import find_parts_reader
     from shukotsu.readers.hemispheres import expected_joints
     from shukotsu.readers.poses_table import poses_table
     from shukotsu.readers.samples import join_samples

@@ -1,5 +1,5 @@
-"""Where a receiver jumps to its mirror image, at whatever rate and through any filter, or away and back; and
-where it breaks: from a moment on, for good, it is not where its neighbours say, or two have changed places.
+"""Find jumps of a receiver: to its mirror image, at any rate and through any filter, or away and back. Find
+breaks: from some frame on it permanently contradicts its neighbours, or two receivers change places.
 
 A magnetic tracker knows a position only up to its sign. From one frame to the next no receiver goes from p to
 near -p; the tracker's filter smears that jump over some frames, through the transmitter, where none can be.
@@ -408,8 +408,8 @@ def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[
 
 
 def solve_centres(turn: Array, apart: Array) -> Array:
-    """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N), held near the receivers
-    where the motion leaves them open; see LEVER_MM.
+    """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N), regularised towards the
+    receivers where the motion does not determine them; see LEVER_MM.
     """
     normal = turn.T @ turn + len(turn) / 3 / LEVER_MM**2 * np.eye(6)
     return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)

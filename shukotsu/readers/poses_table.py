@@ -1,10 +1,10 @@
-"""From samples to the poses table: what is wrong is flagged or refused, and nothing is made up.
+"""From samples to the poses table: errors are flagged or refused, and no value is invented.
 
-Frames, times and gaps stay as they came; samples are put in order and onto a full grid, so that every
-segment has a row for every frame.
+Frame numbers, times and gaps are kept; samples are sorted and put on a full grid, so that every segment has
+a row for every frame.
 
-Samples come part by part, in whatever order the recording has them, and the table leaves segment by segment.
-In between each segment's rows wait in a temporary file, so that one segment at a time is in memory.
+Samples arrive in parts, in the order of the recording, and the table is written segment by segment. In
+between, the rows of each segment are in a temporary file, so that one segment at a time is in memory.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.readers.hemispheres import sides
 from shukotsu.readers.jumps import OwnSides, breaks, exchanges, own_sides, spikes
-from shukotsu.readers.samples import NUMBERS, Samples, unwrapped_frames
+from shukotsu.readers.samples import Samples, unwrapped_frames
 from shukotsu.tables.limits import FARTHEST_MM
+from shukotsu.tables.poses import NUMBERS
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -55,7 +56,7 @@ INVALIDATING = (
 )  # fmt: skip
 """Flags that make a pose unusable though its numbers are complete; they are kept."""
 NORM_TOLERANCE = 0.01
-"""A quaternion whose length is off by more was not rounded: it is something else."""
+"""Largest error of a quaternion's norm; more is not rounding: the columns are not a quaternion."""
 WILD_TIMES = 1e6
 """Times farther from the median than this multiple of (interquartile range + 1 s) are dropped."""
 TWO_RECORDINGS = 10
@@ -65,9 +66,9 @@ MANY_POSES = 20
 BESIDE_MM = 200.0
 """Largest distance of neighbouring receivers on a body; a transmitter is farther away."""
 FROZEN_FRAMES = 240
-"""A second at 240 Hz: a working receiver's last digits move in that time."""
+"""Fewest identical poses of a frozen receiver: noise changes the last digits within a second (240 Hz)."""
 ROW_GROUP_FRAMES = 1 << 15
-"""Two minutes at 240 Hz: who reads frame by frame holds a row group of every segment at once."""
+"""Two minutes at 240 Hz. A reader that goes frame by frame holds a row group of every segment in memory."""
 MEMORY_BYTES = 2 << 20
 """Size from which on a segment's rows are kept in a file instead of in memory."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -79,7 +80,7 @@ _INVALIDATING = np.bitwise_or.reduce([_BIT[flag] for flag in INVALIDATING])
 _ROW = np.dtype(
     [("sample", "i8"), ("frame", "i8"), ("time_s", "f8"), ("numbers", "f8", len(NUMBERS)), ("flags", "u4")]
 )
-"""A sample of one segment; `sample` is its place in the recording."""
+"""A sample of one segment; `sample` is its index in the recording."""
 
 Rows = npt.NDArray[np.void]
 Flags = npt.NDArray[np.uint32]
@@ -121,7 +122,7 @@ class PosesTable:
 
 
 class _RowFile:
-    """Rows of one segment: in memory while they are few, in a file that has no name when they are many."""
+    """Rows of one segment: in memory up to MEMORY_BYTES, then in a temporary file."""
 
     def __init__(self, folder: Path | None) -> None:
         folder_name = None if folder is None else str(folder)
@@ -132,7 +133,7 @@ class _RowFile:
         self.file.write(rows.tobytes())
 
     def replace(self, rows: Rows) -> None:
-        """Put rows in place of all that are there, which are as many or more."""
+        """Replace all rows by at most as many."""
         self.file.seek(0)
         self.file.truncate()
         self.append(rows)
@@ -145,7 +146,7 @@ class _RowFile:
 
 @dataclass(frozen=True)
 class _Segment:
-    """What one segment's rows say together.
+    """Summary of the rows of one segment.
 
     usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
@@ -230,7 +231,7 @@ def poses_table(
 
 
 def _count_on(files: Mapping[int, _RowFile], frames: list[Integers]) -> tuple[str, ...]:
-    """Count frames on where their counter is full, in the files and in the list of all; return a note."""
+    """Unwrap frame numbers where their counter overflowed, in the files and in the list; return a note."""
     if not any((np.diff(file.rows()["frame"]) < 0).any() for file in files.values()):
         return ()
     clocks = [tuple(file.rows()[name].copy() for name in ("frame", "time_s")) for file in files.values()]
@@ -246,7 +247,7 @@ def _count_on(files: Mapping[int, _RowFile], frames: list[Integers]) -> tuple[st
 
 
 def _check_segment(file: _RowFile) -> _Segment:
-    """Bring a segment's rows into order, flag them and say what they say together."""
+    """Sort and flag the rows of a segment; return their summary."""
     rows = file.rows()
     rows, twice = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     numbers, time_s = rows["numbers"], rows["time_s"]
@@ -318,7 +319,7 @@ class _Recording:
             self._replace(name, rows)
 
     def flag_exchanges(self) -> Iterator[dict[str, Any]]:
-        """Flag rows in which two receivers have each other's names; yield what a finding says of each."""
+        """Flag rows in which two receivers have exchanged names; yield the values of a finding for each."""
         for exchange in exchanges(*self._believed()):
             for name in exchange.segments:
                 frame = self.files[name].rows()["frame"]
@@ -328,7 +329,7 @@ class _Recording:
             yield {"segments": list(exchange.segments), **frames, **when}
 
     def flag_breaks(self) -> Iterator[dict[str, Any]]:
-        """Flag rows in which, for good, a receiver is not where its neighbours say; yield as of exchanges."""
+        """Flag rows before or after a receiver's lasting shift against its neighbours; yield as exchanges."""
         before = {name: segment.usable for name, segment in self.segments.items()}
         for gap in breaks(*self._believed()):
             for name in gap.segments:
@@ -365,7 +366,7 @@ class _Recording:
 
 
 def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
-    """Whether all poses are relative to this receiver: always at 0, not turned, beside its parent."""
+    """Whether all poses are relative to this receiver: identity throughout, and next to its parent."""
     rows, beside = file.rows(), parent.rows()
     numbers = rows["numbers"][_complete(rows)][0]
     apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
@@ -374,7 +375,7 @@ def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
 
 
 def _when(rows: Rows, frame: int) -> dict[str, Any]:
-    """Return when a frame is, of a segment's rows; of rows without a time, in which."""
+    """Return the time of a frame in a segment's rows; for rows without times, its row number."""
     row = min(int(np.searchsorted(rows["frame"], frame)), len(rows) - 1)
     time_s = float(rows["time_s"][row])
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
@@ -415,7 +416,7 @@ def _same(first: Array, second: Array) -> Bools:
 
 
 def _gap_flags(rows: Rows) -> Flags:
-    """Return the flags (N,) of rows that lack numbers or a time, or whose time does not grow."""
+    """Return the flags (N,) of rows with missing numbers or times, or whose time does not increase."""
     empty, time_s = np.isnan(rows["numbers"]), rows["time_s"]
     some, every, timed = empty.any(-1), empty.all(-1), np.isfinite(time_s)
     explained = ("conflicting-duplicate", "partly-missing", "not-finite", "out-of-reach")

@@ -14,8 +14,6 @@ import numpy.typing as npt
 from shukotsu.errors import InputError, count_of, nearest, shorten
 from shukotsu.study.layout import Layout
 
-NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-
 
 @dataclass(frozen=True)
 class Samples:

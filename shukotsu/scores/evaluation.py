@@ -412,12 +412,38 @@ def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows
 
 
 def finite_values(values: Array) -> Array:
-    """The finite values among values (T,)."""
+    """Select the finite values.
+
+    Parameters
+    ----------
+    values : array, shape (T,)
+        Values, NaN in gaps.
+
+    Returns
+    -------
+    array, shape (n,)
+        Those that are finite, in their order.
+
+    """
     return values[np.isfinite(values)]
 
 
 def mean_and_p95(name: str, values_mm: Array) -> Any:
-    """Columns NAME_mean_mm and NAME_p95_mm of the finite values (T,); empty where there is none."""
+    """Columns of the mean and the 95th percentile of the finite values.
+
+    Parameters
+    ----------
+    name : str
+        What the names of the columns begin with.
+    values_mm : array, shape (T,)
+        Values, NaN in gaps.
+
+    Returns
+    -------
+    dict
+        NAME_mean_mm and NAME_p95_mm; empty where no value is finite.
+
+    """
     values_mm = finite_values(values_mm)
     if not len(values_mm):
         return {}

@@ -128,7 +128,19 @@ def sign_flip_p(differences: Float[Array, " n"]) -> float:
 
 
 def smallest_p(n: int) -> float:
-    """Smallest p that `sign_flip_p` can return for n differences."""
+    """Smallest p that `sign_flip_p` can return.
+
+    Parameters
+    ----------
+    n : int
+        Number of differences.
+
+    Returns
+    -------
+    float
+        2 / 2^n where all flips are enumerated, else that of the random ones.
+
+    """
     return 2.0 / 2.0**n if n <= MOST_ENUMERATED else 1.0 / (1 + N_FLIPS)
 
 
@@ -169,7 +181,19 @@ def effect_of(size: float, freedom: int, n_effective: float) -> tuple[float, Int
 
 
 def small_sample_correction(freedom: int) -> float:
-    """Hedges' factor J, which makes a standardised mean difference unbiased."""
+    """Hedges' factor J, which makes a standardised mean difference unbiased (Hedges 1981).
+
+    Parameters
+    ----------
+    freedom : int
+        Degrees of freedom.
+
+    Returns
+    -------
+    float
+        Gamma(m / 2) / (sqrt(m / 2) Gamma((m - 1) / 2)).
+
+    """
     log_ratio = math.lgamma(freedom / 2) - math.lgamma((freedom - 1) / 2)
     return math.exp(log_ratio) / math.sqrt(freedom / 2)
 

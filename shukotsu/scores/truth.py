@@ -196,7 +196,19 @@ def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[
 
 
 def directions(quaternion: Array) -> Array:
-    """Unit directions (T, 3) of bones with the quaternions (T, 4), bone to transmitter frame."""
+    """Directions of bones.
+
+    Parameters
+    ----------
+    quaternion : array, shape (T, 4)
+        Bone to transmitter frame.
+
+    Returns
+    -------
+    array, shape (T, 3)
+        Unit vectors towards the tip, in the transmitter frame.
+
+    """
     return np.asarray(rotate(quaternion, DISTAL))
 
 

@@ -116,7 +116,21 @@ def bone_poses(
 
 
 def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
-    """Poses of all bones in the hand's frame, with shapes as in `bone_poses`."""
+    """Poses of all bones in the hand's frame: the wrist does not move.
+
+    Parameters
+    ----------
+    hand : RandomHand
+        The hand.
+    angles_rad : array, shape (T, A)
+        Joint angles.
+
+    Returns
+    -------
+    tuple of array
+        Positions, mm, and rotations, shaped as those of `bone_poses`.
+
+    """
     n_frames = len(angles_rad)
     still = angles_rad.copy()
     still[:, WRIST] = 0.0

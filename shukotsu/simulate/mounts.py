@@ -49,7 +49,23 @@ class Mounts:
     quaternion: Array
 
     def poses(self, bone_position_mm: Array, bone_quaternion: Array) -> tuple[Array, Array]:
-        """Poses (T, S, 3) mm and (T, S, 4) of receivers fixed to bones with poses (T, B, 3) and (T, B, 4)."""
+        """Poses of receivers that are fixed to bones.
+
+        Parameters
+        ----------
+        bone_position_mm : array, shape (T, B, 3)
+            Bones in the transmitter frame.
+        bone_quaternion : array, shape (T, B, 4)
+            Bone to transmitter frame.
+
+        Returns
+        -------
+        position_mm : array, shape (T, S, 3)
+            Receivers in the transmitter frame.
+        quaternion : array, shape (T, S, 4)
+            Receiver to transmitter frame.
+
+        """
         quaternion = bone_quaternion[:, self.bone]
         position = bone_position_mm[:, self.bone] + rotations.rotate(quaternion, self.position_mm)
         return position, rotations.multiply(quaternion, self.quaternion)
@@ -301,7 +317,21 @@ def lag_signal(signal: Array, lag_s: float) -> Array:
 
 
 def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
-    """Stationary first-order autoregressive signals (2, T, S, 3) of sd 1: for position and for rotation."""
+    """Draw stationary first-order autoregressive signals of sd 1, for position and for rotation.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the numbers.
+    n_frames, n_receivers : int
+        Frames T and receivers S.
+
+    Returns
+    -------
+    array, shape (2, T, S, 3)
+        Signals, in units of their sd.
+
+    """
     settle = int(8 * drawn.WANDER_S * RATE_HZ)
     keep = np.exp(-1.0 / (drawn.WANDER_S * RATE_HZ))
     white = rng.standard_normal((settle + n_frames, n_receivers * 6))

@@ -57,16 +57,31 @@ class Realism:
 
     @classmethod
     def exact(cls) -> Realism:
-        """Every assumption of the paper holds to rounding."""
+        """All assumptions of the paper hold, to rounding errors."""
         return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
 
 
 def generator(seed: int, purpose: str, *names: str, session: str = "") -> np.random.Generator:
-    """Random generator of a purpose for some names (subject, hand, task); the same names give the same
-    numbers.
+    """Random generator of a purpose for some names; the same names give the same numbers.
 
     There is one stream per purpose, so that neither a switch nor a length shifts the numbers of another.
-    session : empty where the study has no sessions; then it does not enter the seed.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the study.
+    purpose : str
+        What the numbers are for.
+    *names : str
+        Subject, hand, task and the like.
+    session : str
+        Session; it does not enter the seed where it is empty.
+
+    Returns
+    -------
+    numpy.random.Generator
+        The generator.
+
     """
     words = (purpose, *names, session) if session else (purpose, *names)
     digest = hashlib.sha256("\x1f".join(words).encode()).digest()

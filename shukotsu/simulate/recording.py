@@ -25,7 +25,19 @@ def check_ending(path: Path) -> None:
 
 
 def tidy(recording: Simulated | Poses) -> pa.Table:
-    """The recording as a tidy table, a row per frame and segment, by frame, segments in layout order."""
+    """Convert a recording to a tidy table, by frame, segments in the layout's order.
+
+    Parameters
+    ----------
+    recording : Simulated or Poses
+        T frames of S receivers.
+
+    Returns
+    -------
+    pyarrow.Table
+        A row per frame and segment: frame, time_s, segment, x_mm to z_mm, qw to qz.
+
+    """
     n_frames, n_segments = recording.position_mm.shape[:2]
     columns = {
         "frame": pa.array(np.repeat(recording.frame, n_segments)),
@@ -40,7 +52,21 @@ def tidy(recording: Simulated | Poses) -> pa.Table:
 
 
 def write_recording(path: Path, recording: Simulated | Poses) -> None:
-    """Write the recording atomically; numbers in CSV read back to exactly the same values."""
+    """Write a recording as CSV or Parquet, whole or not at all; numbers in CSV read back exactly.
+
+    Parameters
+    ----------
+    path : Path
+        File to write, its ending the format.
+    recording : Simulated or Poses
+        What is written.
+
+    Raises
+    ------
+    InputError
+        Where the ending is neither.
+
+    """
     check_ending(path)
     with replacing(path) as temporary:
         if path.suffix == ".csv":

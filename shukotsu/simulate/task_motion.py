@@ -33,7 +33,7 @@ _JITTER_DEG, _CMC_JITTER_DEG, _DIP_JITTER_DEG = 1.5, 0.4, 0.1
 _CUP_DEG = {"index": 2.0, "middle": 1.2, "ring": 10.0, "little": 16.0}  # CMC flexion of a cupped palm
 # share of the cupping when the thumb meets the finger
 _CUPPING = {"index": 0.1, "middle": 0.35, "ring": 0.7, "little": 1.0}
-# share by which a finger follows another: itself, its neighbour, the second and the third finger away
+# share of a finger's movement that other fingers follow (enslaving): itself, then 1, 2 and 3 fingers away
 _ENSLAVING = (1.0, 0.35, 0.15, 0.08)
 
 

@@ -36,7 +36,21 @@ FIELD_CENTRE_MM = np.array([220.0, 90.0, -110.0])
 
 
 def turn_poses(quaternion: Array, rotation_vector_rad: Array) -> Array:
-    """Rotate poses (..., 4) by small rotation vectors (..., 3), rad, given in their own frames."""
+    """Rotate poses by small rotation vectors in their own frames.
+
+    Parameters
+    ----------
+    quaternion : array, shape (..., 4)
+        Unit quaternions (w, x, y, z).
+    rotation_vector_rad : array, shape (..., 3)
+        Axis times angle.
+
+    Returns
+    -------
+    array, shape (..., 4)
+        The rotated poses.
+
+    """
     angle = np.linalg.norm(rotation_vector_rad, axis=-1)
     return rotations.multiply(quaternion, rotations.about_axis(rotations.unit(rotation_vector_rad), angle))
 
@@ -131,7 +145,25 @@ def faulty(
 def bursts(
     rng: np.random.Generator, shape: tuple[int, int], share: float, mean_s: float
 ) -> npt.NDArray[np.bool_]:
-    """Mask (T, S): about the given share of each receiver's frames, in bursts of random length."""
+    """Draw bursts of frames of random length for each receiver.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the numbers.
+    shape : tuple of int
+        Frames T and receivers S.
+    share : float
+        Share of the frames that are in a burst, about.
+    mean_s : float
+        Mean length of a burst.
+
+    Returns
+    -------
+    array of bool, shape (T, S)
+        Whether a frame is in a burst.
+
+    """
     n_frames, n_receivers = shape
     on = np.zeros(shape, bool)
     for receiver in range(n_receivers):

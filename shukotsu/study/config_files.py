@@ -1,4 +1,4 @@
-"""YAML, all of which is read here: configuration, checked against its JSON Schema, defaults filled in.
+"""Reading of all YAML files: configurations are checked against their JSON Schemas and defaults filled in.
 
 The schemas are closed: a typo is refused by name. `docs/configuration.md` is made from them.
 """
@@ -41,7 +41,7 @@ _StrictLoader.yaml_implicit_resolvers = {}
 
 
 class _Dumper(yaml.SafeDumper):
-    """YAML that reads alike in both versions: text that either would parse as another type is quoted."""
+    """YAML dumper: text that version 1.1 or 1.2 would parse as another type is quoted."""
 
 
 _CORE_SCHEMA = {
@@ -97,7 +97,7 @@ def json_schema(kind: str) -> dict[str, Any]:
             part["enum"] = [*MAPPED]
             part["description"] += f" {'; '.join(map(': '.join, MAPPED.items()))}."
         elif registry:
-            part["enum"] = [*part.get("enum", ()), *_exports()[registry]]
+            part["enum"] = [*part.get("enum", ()), *export_constants()[registry]]
         return part
 
     text = (SCHEMA_FOLDER / f"{kind}.schema.json").read_text("utf-8")
@@ -144,7 +144,8 @@ def read_constants(path: Path) -> dict[str, Any]:
 
 
 @cache
-def _exports() -> dict[str, Any]:
+def export_constants() -> dict[str, Any]:
+    """Return the entries of `export/formats.yaml` by group: formats and rigs."""
     return read_constants(PACKAGE / "export" / "formats.yaml")
 
 
@@ -157,12 +158,12 @@ def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) 
 
 
 def yaml_text(content: Any) -> str:
-    """Return plain mappings, lists and values as YAML, in any version of it."""
+    """Format mappings, lists and values as YAML that versions 1.1 and 1.2 read alike."""
     return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
 
 
 def as_yaml_1_1(path: Path) -> Any:
-    """Read a file as Snakemake does its configuration, to compare the two; InputError as `read_yaml`."""
+    """Read a file as YAML 1.1, as Snakemake does, to compare it with ours; InputError as `read_yaml`."""
     try:
         return yaml.safe_load(read_text(path, "a configuration", limits.CONFIG_BYTES))
     except (yaml.YAMLError, ValueError) as error:

@@ -249,7 +249,7 @@ def row_sentence(row: ProblemsRow) -> str:
 
 
 def faults(rows: Iterable[ProblemsRow]) -> list[Fault]:
-    """Put rows of one fault together: of the same kind, variant, severity, cure and reason to accept it."""
+    """Group rows of the same fault: equal kind, variant, severity, cure and reason to accept it."""
     groups: dict[tuple[str, ...], list[ProblemsRow]] = {}
     for row in rows:
         finding = finding_of(row)

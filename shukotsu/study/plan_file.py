@@ -81,7 +81,7 @@ def recordings_part(plan: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fit_part(plan: Mapping[str, Any], hand: str, model: str) -> dict[str, Any]:
-    """Return what a fit uses of a plan: its model, and that hand alone unless lengths are shared.
+    """Return the part of a plan that a fit uses: its model, and only that hand unless lengths are shared.
 
     hand : empty where one job fits both.
     """
@@ -138,7 +138,7 @@ def read_plan(path: Path) -> SubjectPlan:
 
 
 def plan_of_results(path: Path) -> SubjectPlan:
-    """Read a subject's plan where its results are now, with what its findings there refuse and suspect."""
+    """Read a subject's plan from its results, wherever they are now, and apply the findings there."""
     plan = replace(read_plan(path), folder=path.parent)
     findings = plan.table(FINDINGS.name)
     return plan.checked(findings) if findings.is_file() else plan

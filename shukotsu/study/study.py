@@ -87,7 +87,7 @@ class Recording:
 
     @property
     def title(self) -> str:
-        """Task and trial in words."""
+        """Task, and trial where there is one, as a text."""
         return ", ".join(filter(None, (self.task, self.trial)))
 
 
@@ -131,7 +131,7 @@ class OfRecordings:
 
 @dataclass(frozen=True)
 class Study(OfRecordings):
-    """One study file with its sheets, layouts and models, read and checked."""
+    """A study file with its sheets, layouts and models, read and validated."""
 
     name: str
     recordings: tuple[Recording, ...]
@@ -295,7 +295,7 @@ def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
 
 
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
-    """Return a sentence for each correction that concerns a hand or joint that does not exist."""
+    """Return a sentence for each correction of a hand or joint that does not exist."""
     sides, joints = set(hands), [joint.name for joint in layout.solvable]
     problems = []
     for row in rows:
@@ -365,7 +365,7 @@ def _check_factors(
 def _check_events(
     path: Path, rows: Sequence[Row], recordings: Sequence[Recording], unusable: Sequence[UnusableRow]
 ) -> None:
-    """Raise InputError where a row is of no single recording: session and trial may be left out for one."""
+    """Raise InputError where a row does not name exactly one recording; session and trial are optional."""
     of_key: dict[tuple[str, ...], list[Recording]] = {}
     for recording in recordings:
         of_key.setdefault((recording.hand.subject, recording.hand.hand, recording.task), []).append(recording)

@@ -30,10 +30,23 @@ class Packets:
 
 
 def without_packets(time_s: Array) -> tuple[Array, Packets | None]:
-    """Return times (T,) in which frames that arrived together are spread evenly, and how they arrived.
+    """Spread times of frames that arrived together evenly.
 
     A packet's last frame keeps its time, the others lie between it and the packet before. Times of frames
     that arrive singly are as they were, and so are those of a clock that stood still for once.
+
+    Parameters
+    ----------
+    time_s : array, shape (T,)
+        Times of the frames, NaN where unknown.
+
+    Returns
+    -------
+    time_s : array, shape (T,)
+        Times, spread.
+    packets : Packets or None
+        How frames arrived; None where they arrived singly.
+
     """
     timed = np.flatnonzero(np.isfinite(time_s))
     if len(timed) < 3:
@@ -148,7 +161,21 @@ def _stood(row: int, rows: int, time_s: float) -> list[ClockBreak]:
 
 
 def nominal_rate_hz(frame: Integers, time_s: Array) -> float:
-    """Median frame rate, Hz; NaN without increasing times."""
+    """Median frame rate of a recording.
+
+    Parameters
+    ----------
+    frame : array of int, shape (T,)
+        Frame numbers.
+    time_s : array, shape (T,)
+        Times of the frames, NaN where unknown.
+
+    Returns
+    -------
+    float
+        Rate, Hz; NaN without increasing times.
+
+    """
     step = np.diff(frame)
     usual = step == (np.median(step) if len(step) else 0)
     interval = np.diff(without_packets(time_s)[0])[usual]

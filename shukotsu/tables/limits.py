@@ -133,7 +133,23 @@ def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> byte
 
 
 def check_expansion(path: Path, unpacked_bytes: float, remedy: Callable[[], str]) -> None:
-    """Raise InputError where a file declares that it unpacks to far more than its size."""
+    """Refuse a packed file that declares to unpack to far more than its size.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    unpacked_bytes : float
+        Size that it declares.
+    remedy : callable
+        Returns what to do, for the message.
+
+    Raises
+    ------
+    InputError
+        Where that is beyond MOST_EXPANSION times its size and MEMORY_BYTES.
+
+    """
     size = path.stat().st_size
     if unpacked_bytes > MOST_EXPANSION * size + MEMORY_BYTES:
         raise InputError(

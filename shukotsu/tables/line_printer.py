@@ -56,7 +56,21 @@ class LinePrinter:
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Yield a function that takes the number done of `total` and draws a progress bar on a terminal."""
+    """Draw a progress bar on a terminal; elsewhere nothing is printed.
+
+    Parameters
+    ----------
+    what : str
+        What is counted, a plural.
+    total : int
+        Number of them in all.
+
+    Yields
+    ------
+    callable
+        Takes the number that is done.
+
+    """
     printer = LinePrinter(sys.stderr)
 
     def tell(done: int) -> None:

@@ -31,8 +31,8 @@ KEPT_BYTES = 200 * 10**6
 """Total size of recordings cached after a full read; one larger than a quarter of it is not cached."""
 
 BYTES_A_POSE = 57
-_NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-_COLUMNS = ("frame", "time_s", *_NUMBERS, "valid")
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+_COLUMNS = ("frame", "time_s", *NUMBERS, "valid")
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,19 @@ class Poses:
         return self.segments.index(segment)
 
     def take(self, rows: slice | Integers) -> Poses:
-        """Poses of the selected frames."""
+        """Select some of the frames.
+
+        Parameters
+        ----------
+        rows : slice or array of int
+            Their indices.
+
+        Returns
+        -------
+        Poses
+            With these frames.
+
+        """
         return Poses(self.segments, *(array[rows] for array in _arrays(self)))
 
 
@@ -191,7 +203,28 @@ def _is_kept(path: Path, segments: Sequence[str]) -> bool:
 
 
 def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
-    """Read every N-th frame (N = `every`), starting with the first; otherwise as `read_poses`."""
+    """Read one frame in so many of a whole recording, the first one included.
+
+    Parameters
+    ----------
+    path : Path
+        Poses file.
+    segments : sequence of str
+        Segments; one that the file lacks is never valid.
+    every : int
+        Frames from one that is read to the next; 1 for all.
+
+    Returns
+    -------
+    Poses
+        The frames that are kept.
+
+    Raises
+    ------
+    InputError
+        As `pose_blocks`.
+
+    """
     if every <= 1:
         return read_poses(path, segments)
     if _is_kept(path, segments):
@@ -204,7 +237,19 @@ def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
 
 
 def joined_poses(parts: Sequence[Poses]) -> Poses:
-    """Concatenate parts of a recording, at least one."""
+    """Concatenate parts of a recording.
+
+    Parameters
+    ----------
+    parts : sequence of Poses
+        At least one, in the order of time.
+
+    Returns
+    -------
+    Poses
+        All frames.
+
+    """
     arrays = zip(*map(_arrays, parts), strict=True)
     return Poses(parts[0].segments, *(np.concatenate(pieces) for pieces in arrays))
 
@@ -379,7 +424,7 @@ def _fill(
         raise _unshared_frames(path, segment)
     times = block.time_s[rows]
     np.copyto(times, columns["time_s"], where=np.isnan(times))
-    for axis, name in enumerate(_NUMBERS):
+    for axis, name in enumerate(NUMBERS):
         if (columns["valid"] & (np.abs(columns[name]) > FARTHEST_MM)).any():  # squares overflow
             raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
         numbers, component = (block.position_mm, axis) if axis < 3 else (block.quaternion, axis - 3)

@@ -236,7 +236,26 @@ class TableFile:
             return is_sealed(self.path)
 
     def read(self, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
-        """Read columns (default: all) of row groups (default: all)."""
+        """Read columns of row groups.
+
+        Parameters
+        ----------
+        columns : sequence of str, optional
+            Names of the columns; all if omitted.
+        groups : sequence of int, optional
+            Indices of the row groups; all if omitted.
+
+        Returns
+        -------
+        pyarrow.Table
+            Their rows, checked to be valid.
+
+        Raises
+        ------
+        TableError
+            Where the file is damaged.
+
+        """
         names = None if columns is None else list(columns)
         with naming_damage(self.path):
             if groups is None:  # for a few rows, starting threads takes longer than reading
@@ -248,7 +267,23 @@ class TableFile:
         return rows
 
     def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
-        """Smallest and largest value of a column in a row group, see `column_ends`."""
+        """Smallest and largest value of a column in a row group, see `column_ends`.
+
+        Parameters
+        ----------
+        group : int
+            Index of the row group.
+        name : str
+            Name of the column.
+        with_nulls : bool
+            Whether to accept a column that has nulls.
+
+        Returns
+        -------
+        tuple or None
+            The two values; None where the footer does not tell.
+
+        """
         key = group, name, with_nulls
         if key not in self._ends:
             at = group, self._index[name]

@@ -53,7 +53,7 @@ def replacing(path: Path) -> Iterator[Path]:
         sync_folder(path.parent)
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else error  # rather than Arrow's message
-        kind = InputError if error.errno == errno.ENAMETOOLONG else StorageError  # no other disk takes it
+        kind = InputError if error.errno == errno.ENAMETOOLONG else StorageError  # no disk accepts the name
         raise kind(f"{path}: cannot be written ({why})") from error
     finally:
         with suppress(OSError):  # where a component of the path is a file, that was reported above

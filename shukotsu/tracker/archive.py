@@ -31,8 +31,6 @@ from shukotsu.tables.typed_table import METADATA_KEY
 from shukotsu.tables.whole_files import sync_folder
 
 SCHEMA_NAME, SCHEMA_VERSION = "capture", 2
-FIRST_VERSION = 1
-"""Its rows end with crc32: times and kinds are unprotected, and a row that is missing is not noticed."""
 RECEIVED, SENT, SETTINGS, EVENT, END = range(5)
 KINDS = {
     RECEIVED: "bytes that came from the tracker",
@@ -56,7 +54,6 @@ COLUMNS = (
         "CRC-32 of row, host_ns, utc_offset_ns, kind and crc32, eight bytes each, the lowest first",
     ),
 )
-_FIRST_COLUMNS = COLUMNS[:5]
 
 SYNC_SECONDS = 1.0
 _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
@@ -329,7 +326,7 @@ def _pieces(
 
 
 def open_archive(path: Path) -> Archive:
-    """Open an archive. Raises InputError where the file is absent or does not begin as one."""
+    """Open an archive. Raises InputError where the file is absent or does not begin like an archive."""
     with reading(path, "a raw capture"):
         if not check_regular(path, "a raw capture"):
             raise InputError(f"{path}: is empty; expected a raw capture")
@@ -351,14 +348,13 @@ def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
         sound = whole.get("about_crc32") == zlib.crc32(_json_bytes(about))
     except (KeyError, ValueError, TypeError, RecursionError) as error:
         raise not_one from error
-    columns = {FIRST_VERSION: _FIRST_COLUMNS, SCHEMA_VERSION: COLUMNS}.get(named[1])
-    if named[0] != SCHEMA_NAME or columns is None:
+    if named != (SCHEMA_NAME, SCHEMA_VERSION):
         raise InputError(
             f"{path}: is {named[0]!r} version {named[1]!r}; expected {SCHEMA_NAME} version {SCHEMA_VERSION}"
         )
-    if not schema.equals(pa.schema(_fields(columns)), check_metadata=False):
+    if not schema.equals(pa.schema(_fields(COLUMNS)), check_metadata=False):
         raise not_one
-    if named[1] != FIRST_VERSION and not sound:  # a description for people, not the recording
+    if not sound:  # a description for people, not the recording
         return {"damaged": "what this recording says of itself does not have its checksum; left out"}
     return about
 
@@ -388,7 +384,7 @@ def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordB
         return None, 0
     try:
         message = pa.ipc.read_message(buffer.slice(at))
-        if _is_compressed(message.metadata.to_pybytes()):  # not by this program, which never does
+        if _is_compressed(message.metadata.to_pybytes()):  # this program never compresses
             return None, 0
         batch = pa.ipc.read_record_batch(message, schema)
         batch.validate(full=True)
@@ -401,17 +397,14 @@ def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordB
 
 def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]:
     """Return a batch's sound rows, and the number of the row behind; next_row : what the first should be."""
-    host_ns, offset_ns, kind, data, crc32 = (batch.column(index) for index in range(5))
+    host_ns, offset_ns, kind, data, crc32, row, row_crc32 = batch.columns
     pieces = data.to_pylist()
     sound = np.fromiter(map(zlib.crc32, pieces), np.int64, len(pieces)) == crc32.to_numpy()
-    missing = 0
-    if batch.num_columns > len(_FIRST_COLUMNS):
-        row, row_crc32 = batch.column(5).to_numpy(), batch.column(6).to_numpy()
-        sound &= np.array(_row_crcs(row, host_ns, offset_ns, kind, crc32), np.int64) == row_crc32
-        starts = row[sound] - np.flatnonzero(sound)
-        if len(starts):
-            missing = 0 if lost else int(np.abs(starts - next_row).max())
-            next_row = int(starts[-1])
+    sound &= np.array(_row_crcs(row, host_ns, offset_ns, kind, crc32), np.int64) == row_crc32.to_numpy()
+    starts, missing = row.to_numpy()[sound] - np.flatnonzero(sound), 0
+    if len(starts):
+        missing = 0 if lost else int(np.abs(starts - next_row).max())
+        next_row = int(starts[-1])
     numbers = [column.to_numpy()[sound] for column in (host_ns, offset_ns, kind)]
     spoilt = sum(len(piece) for piece, good in zip(pieces, sound, strict=True) if not good)
     kept = [piece for piece, good in zip(pieces, sound, strict=True) if good]

@@ -11,8 +11,9 @@ import numpy as np
 
 from shukotsu.arrays import Integers
 from shukotsu.errors import InputError, count_of
-from shukotsu.tracker.families import FAMILIES, StreamSettings
+from shukotsu.tracker.families import FAMILIES
 from shukotsu.tracker.liberty import SHORT_LIST, list_of_all, record_type
+from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Heard, Losses, RecordBlock
 
 

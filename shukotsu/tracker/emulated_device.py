@@ -20,8 +20,8 @@ import numpy as np
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.hand import rotations
 from shukotsu.tracker import liberty
-from shukotsu.tracker.families import MM_PER_UNIT
 from shukotsu.tracker.liberty import ITEMS, MOST_ITEMS, TAGS
+from shukotsu.tracker.records import MM_PER_UNIT
 
 MAX_STATION = 16
 PERIOD_CYCLES = 960

@@ -18,8 +18,8 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, PlayedMotion
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import FULL_LIST
+from shukotsu.tracker.records import StreamSettings
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20

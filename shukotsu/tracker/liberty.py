@@ -1,7 +1,7 @@
-"""LIBERTY and PATRIOT in binary: items, records and replies; bytes -> records, back into step after damage.
+"""LIBERTY and PATRIOT in binary: items, replies, and records, which are found again after damage.
 
-An answer has the same header as a record and a length; there is no checksum. A start is a byte where a header
-stands that can be one. It is believed when it follows directly on a good record, when at its end stands
+An answer has the same header as a record and a length; there is no checksum. A start is a byte at which a
+plausible header stands. It is accepted when it follows directly on a good record, when at its end stands
 another start, or when its quaternion has length 1. So garbage between records loses nothing, and a lost or
 changed byte loses only the record that contained it. Source: LIBERTY User Manual URM03PH156, output list
 command ('O'), tables of output formats, of commands and of errors, reply framing (little-endian, 8-byte
@@ -20,8 +20,15 @@ import numpy as np
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker import records as protocol
-from shukotsu.tracker.families import MM_PER_UNIT, StreamSettings
-from shukotsu.tracker.records import Bytes, Decoded, Records, Reply, doubtful_poses
+from shukotsu.tracker.records import (
+    MM_PER_UNIT,
+    Bytes,
+    Decoded,
+    Records,
+    Reply,
+    StreamSettings,
+    doubtful_poses,
+)
 
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""

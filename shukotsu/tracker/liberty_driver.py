@@ -24,8 +24,9 @@ from shukotsu.tracker.conversation import (
     is_zero,
     same_direction,
 )
-from shukotsu.tracker.families import FAMILIES, StreamSettings
+from shukotsu.tracker.families import FAMILIES
 from shukotsu.tracker.liberty import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
+from shukotsu.tracker.records import StreamSettings
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None where the tracker did not say."""

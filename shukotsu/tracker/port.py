@@ -65,7 +65,7 @@ class Port(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the port; what goes wrong then is of no interest any more."""
+        """Close the port; errors are ignored."""
 
 
 class SerialPort(Port):
@@ -113,7 +113,7 @@ class SerialPort(Port):
             raise PortGoneError(_reason(error)) from error
 
     def close(self) -> None:
-        """Close the port; what goes wrong then is of no interest any more."""
+        """Close the port; errors are ignored."""
         with suppress(OSError, serial.SerialException):
             self._device.close()
 
@@ -193,7 +193,7 @@ class UsbPort(Port):
             raise PortGoneError(f"it takes nothing: {error}") from error
 
     def close(self) -> None:
-        """Close the port; what goes wrong then is of no interest any more."""
+        """Close the port; errors are ignored."""
         self._context.close()
 
 

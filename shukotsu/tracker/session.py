@@ -1,4 +1,4 @@
-"""A recording session: all bytes go into the archive; decoding serves only the display.
+"""A recording session: all bytes are archived; decoding is for the display only.
 
 A thread reads and time-stamps; the loop stores the chunks a few times a second; once a second they are
 decoded and counted. Only the thread is time-critical.
@@ -18,9 +18,9 @@ from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker import display
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.conversation import Chunk, Conversation, RecordingRequest, StoppedError, StopRequest
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty_driver import LibertyDriver
 from shukotsu.tracker.port import Port, PortGoneError, perhaps_taken
+from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.stream import ABSENT_S, ChunkDecoder
 from shukotsu.tracker.viper_driver import ViperDriver
 
@@ -281,7 +281,7 @@ class _Session:
         return Ending(reason, bool(self._failure), totals, tuple(self._notices))
 
     def _keep_last(self) -> None:
-        """Store bytes until the tracker is silent; give up where it does not stop streaming."""
+        """Store bytes until the tracker is silent, at most for LAST_BYTES_S."""
         heard = start = now = time.perf_counter()
         dropped = self._conversation.dropped_bytes
         while now - start < LAST_BYTES_S and now - heard < SILENCE_S:
@@ -299,7 +299,7 @@ VALUE_NAMES = {"units": {0: "inch", 1: "cm"}, "rate": {3: "120 Hz", 4: "240 Hz"}
 
 
 def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[str]:
-    """Set a tracker up as a recording would; yield what it answers and sends, a line at a time.
+    """Set a tracker up as for a recording; yield its answers and what it sends, line by line.
 
     Raises InputError where it does not answer as it must.
     """

@@ -16,15 +16,16 @@ import numpy.typing as npt
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
-from shukotsu.tracker.families import StreamSettings, settings_from_json
 from shukotsu.tracker.liberty import BinaryDecoder
 from shukotsu.tracker.records import (
     NONE,
     PiecewiseDecoder,
     Records,
     Skipped,
+    StreamSettings,
     concatenate_records,
     empty_records,
+    settings_from_json,
 )
 from shukotsu.tracker.viper_decoder import ViperDecoder
 
@@ -212,7 +213,7 @@ class Counter:
         return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
 
     def _counted(self, records: Records, odd: Bools, count: int) -> Integers:
-        """Unwrap what the tracker counts, its frames or its clock; mark records that do not fit as odd.
+        """Unwrap the tracker's counter, of frames or of its clock; mark records that do not fit as odd.
 
         count : of the first records, those that are decided.
         """

@@ -19,8 +19,7 @@ import numpy.typing as npt
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import count_of
 from shukotsu.tracker.archive import Archive, open_archive
-from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.records import Records
+from shukotsu.tracker.records import Records, StreamSettings
 from shukotsu.tracker.stream import JITTER_S, Losses, RecordBlock, Tally, blocks_of
 
 SHORTEST_FIT_S = 30.0

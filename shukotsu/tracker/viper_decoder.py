@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from shukotsu.arrays import Bools, Integers
 from shukotsu.tracker import records as protocol
-from shukotsu.tracker.families import MM_PER_UNIT
-from shukotsu.tracker.records import Bytes, Decoded, Records, Reply, doubtful_poses
+from shukotsu.tracker.records import MM_PER_UNIT, Bytes, Decoded, Records, Reply, doubtful_poses
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
 LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4

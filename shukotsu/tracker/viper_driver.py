@@ -13,8 +13,7 @@ from typing import Any
 from shukotsu.errors import InputError
 from shukotsu.tracker import viper_decoder as viper
 from shukotsu.tracker.conversation import TRACK, TrackerDriver
-from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.records import Reply
+from shukotsu.tracker.records import Reply, StreamSettings
 from shukotsu.tracker.viper_decoder import ANY, CONTINUOUS, GET, SENSORS, SET, command_frame
 
 HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, WHOAMI = 0, 1, 4, 6, 7, 10, 11, 20

@@ -10,7 +10,7 @@ from benchmarks.faultless_hands import Planted, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.hand.rotations import matrix, multiply
-from shukotsu.readers.formats.readers import find_parts_reader
+from shukotsu.readers.import_recording import find_parts_reader
 from shukotsu.readers.samples import join_samples
 from shukotsu.study.findings import SUSPECT
 from shukotsu.study.layout import read_layout

@@ -17,10 +17,9 @@ from shukotsu.__main__ import main as capture
 from shukotsu.coach.coach import ENDED, ENOUGH, FIRST, MOST_VAIN, MOVEMENTS, Coach, Estimate
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.coach.study import hand_alone
-from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.simulate.random_hand import FINGERS
 from shukotsu.study.verdict import BELIEVE, CARE
-from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.poses import Poses, joined_poses, read_poses
 from shukotsu.tracker.archive import open_archive
 
 SWAPPED = ("index_middle", "middle_middle")
@@ -78,7 +77,7 @@ def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None
     assert all(name in lines[1] for name in (*SWAPPED, "swapped"))
     assert coach.calibration.request is None
     assert coach.calibration.estimate is None
-    lines = coached(coach, concatenate_poses([from_frame(poses, 1200), from_frame(poses, 2400)]))
+    lines = coached(coach, joined_poses([from_frame(poses, 1200), from_frame(poses, 2400)]))
     assert coach.restarts == 1
     assert any("Corrected." in line for line in lines)
     assert coach.findings == []
@@ -143,7 +142,7 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
     poses = calibration().take(slice(0, 480))
     coach = a_coach()
     monkeypatch.setattr(coach, "_estimate", lambda: None)
-    coached(coach, concatenate_poses([poses, from_frame(poses, 3600 * RATE_HZ)]))
+    coached(coach, joined_poses([poses, from_frame(poses, 3600 * RATE_HZ)]))
     assert coach.time_s > 3600.0
     assert coach.calibration.kept.poses().frame.size == 960
     frames = EvenFrames()
@@ -155,7 +154,7 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
 def test_live_poses_equal_those_of_an_import(archive: Path, tmp_path: Path) -> None:
     live = LivePoses(LIBERTY, archive)
     parts = [poses for piece in open_archive(archive).pieces() if (poses := live.add(piece)) is not None]
-    poses, table = concatenate_poses(parts), tmp_path / "poses.parquet"
+    poses, table = joined_poses(parts), tmp_path / "poses.parquet"
     assert capture(["import", f"--in={archive}", f"--out={table}", *WHO]) == 0
     expected = read_poses(table, LIBERTY.measured)
     assert live.ended

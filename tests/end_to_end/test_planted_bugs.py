@@ -31,7 +31,7 @@ IN_A_PART = {
     "check_recordings": "shukotsu.checks.checked_subject.checked_poses",
     "align_events": "shukotsu.movement.recording_events.RecordingEvents.aligned",
     "solve_joints": "shukotsu.paper.part_solutions.solution_rows",
-    "project_planes": "shukotsu.paper.place.place_joint",
+    "project_planes": "shukotsu.paper.plane.place_joint",
     "fit_hand": "shukotsu.fit.calibration.fit_hand",
     "estimate_metacarpals": "shukotsu.paper.skeleton.build_hand",
     "evaluate_tips": "shukotsu.paper.replay.replay_recording",

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.bvh import AT_REST, TURN_AXES, write
-from shukotsu.export.motion import turn_angles
 from shukotsu.export.registry import ExportSettings, prepare, write_format
+from shukotsu.hand.rotations import turn_angles
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -13,8 +13,8 @@ from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand, sim
 from stage_runs import collect_exports
 from stage_runs import export as main
 
-from shukotsu.readers.samples import NUMBERS
 from shukotsu.tables.catalogue import BONE_POSES, POSED_TIPS
+from shukotsu.tables.poses import NUMBERS
 
 STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 

@@ -36,7 +36,7 @@ def test_the_reference_hand_has_average_bones_and_no_stated_error(tmp_path: Path
         poses, model = [subject.poses("rom")], read_model(REFERENCE)
         sizes = {"hand_length_mm": hand_length_mm}
         plan = plan_of_poses(NamedHand(poses, poses, sizes_mm=sizes), LAYOUT, [model])
-        tips, _ = calibrated_hand(plan, plan.part("right", REFERENCE))
+        tips = calibrated_hand(plan, plan.part("right", REFERENCE), {}).tips
         return np.array([bone.length_mm for bone in tips.fit.bones.values()])
 
     np.testing.assert_allclose(bones_mm(210.0) / bones_mm(189.0), 210 / 189)

@@ -16,8 +16,8 @@ from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import rotate
 from shukotsu.paper.closed import JointSolution, solve_closed
 from shukotsu.paper.part_solutions import solution_row
-from shukotsu.paper.place import NEIGHBOUR_RANGE_DEG, place_joint, unseen_covariance
-from shukotsu.paper.plane import Projection, centre_sd_mm, project
+from shukotsu.paper.plane import Projection, centre_sd_mm, place_joint, project
+from shukotsu.paper.unseen_error import NEIGHBOUR_RANGE_DEG, unseen_covariance
 from shukotsu.study.layout import FINGER_MM, Joint, Plane, read_layout
 from shukotsu.study.model import read_model
 from shukotsu.study.verdict import doubts_of, judged_joint

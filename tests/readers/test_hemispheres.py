@@ -12,12 +12,12 @@ from simulated_poses import hand_of
 from shukotsu.__main__ import main
 from shukotsu.readers.hemispheres import expected_joints
 from shukotsu.readers.poses_table import PosesTable, poses_table
-from shukotsu.readers.samples import NUMBERS, Samples
+from shukotsu.readers.samples import Samples
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.poses import read_poses
+from shukotsu.tables.poses import NUMBERS, read_poses
 
 
 def recorded(

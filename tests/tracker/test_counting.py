@@ -7,8 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.records import Records, empty_records
+from shukotsu.tracker.records import Records, StreamSettings, empty_records
 from shukotsu.tracker.stream import Counter
 
 STATIONS = (1, 2, 5)

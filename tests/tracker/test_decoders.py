@@ -11,9 +11,8 @@ import pytest
 from tracker_streams import decode, liberty_binary, pose, settings, viper_closed, viper_frame, viper_reply
 
 from shukotsu.errors import InputError
-from shukotsu.tracker.families import StreamSettings, settings_from_json
 from shukotsu.tracker.liberty import list_of_all
-from shukotsu.tracker.records import Decoded, Records
+from shukotsu.tracker.records import Decoded, Records, StreamSettings, settings_from_json
 from shukotsu.tracker.stream import DECODERS
 from shukotsu.tracker.viper_decoder import REFUSED
 

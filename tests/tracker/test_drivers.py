@@ -19,9 +19,9 @@ from shukotsu.tracker import liberty_driver as driver
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.conversation import Conversation, RecordingRequest, StopRequest, is_default_alignment
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty_driver import SETTINGS
 from shukotsu.tracker.port import SerialPort, open_port
+from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.session import DRIVERS, RecordingPlan, record
 from shukotsu.tracker.stream import Tally, blocks_of
 

@@ -13,8 +13,8 @@ from shukotsu.arrays import Bools, Integers
 from shukotsu.tracker.archive import ArchiveWriter, open_archive
 from shukotsu.tracker.display import Statistics
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
-from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import record_type
+from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.stream import ABSENT_S, STOP_FRAMES, ChunkDecoder
 from shukotsu.tracker.survey import Survey, flagged_records, survey_archive
 

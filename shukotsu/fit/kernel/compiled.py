@@ -62,7 +62,16 @@ def inlined(function: Function) -> Function:
 
 @inner
 def copy(values: Array, out: Array) -> None:
-    """Copy an array (n, F)."""
+    """Copy an array element by element.
+
+    Parameters
+    ----------
+    values : array, shape (n, F)
+        Source.
+    out : array, shape (n, F)
+        Where the result is written.
+
+    """
     for i in range(len(out)):
         for f in range(out.shape[1]):
             out[i, f] = values[i, f]
@@ -70,13 +79,31 @@ def copy(values: Array, out: Array) -> None:
 
 @inner
 def copy_matrices(values: Array, out: Array) -> None:
-    """Copy an array (n, m, F)."""
+    """Copy an array of matrices element by element.
+
+    Parameters
+    ----------
+    values : array, shape (n, m, F)
+        Source.
+    out : array, shape (n, m, F)
+        Where the result is written.
+
+    """
     for i in range(len(out)):
         copy(values[i], out[i])
 
 
 def fill(value: float, out: Array) -> None:
-    """Set all elements of an array (n, F)."""
+    """Set all elements of an array.
+
+    Parameters
+    ----------
+    value : float
+        Value.
+    out : array, shape (n, F)
+        Where the result is written.
+
+    """
     for i in range(len(out)):
         for f in range(out.shape[1]):
             out[i, f] = value

@@ -1,6 +1,6 @@
 """Residuals of receivers and their derivatives by states, root and unknowns.
 
-On paper: docs/whole-hand.md, section 5.
+On paper: docs/whole-hand.md, sections 2, 4 and 5.
 """
 
 from __future__ import annotations
@@ -244,7 +244,18 @@ def jacobian(evaluation: Evaluation, b: int, out: Derivatives) -> None:
     """Compute the derivatives of branch b's residuals, with robust weights and tempering in.
 
     An operation with axis w at o moves a later point p by w x (p - o) and turns its frame by w if it rotates,
-    and moves it by w if not (section 2); by_velocity and by_turn make residuals of both (section 4).
+    and moves it by w if not (docs/whole-hand.md, section 2); by_velocity and by_turn make residuals of both
+    (section 4).
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+        Chains at a point, with poses and residuals computed.
+    b : int
+        Index of the branch.
+    out : Derivatives
+        Where they are written: by s states (s, m, F), by root and g unknowns (6 + g, m, F) of m residuals.
+
     """
     chains, amounts, at, seen, objective, reached, current = evaluation
     receivers, start = chains.receivers, chains.ranges.receiver_start

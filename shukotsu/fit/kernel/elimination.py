@@ -70,7 +70,18 @@ def _inverse_cholesky(A: Array, inverse: Array) -> None:
 
 @inner
 def by_lower(inverse: Array, B: Array, out: Array) -> None:
-    """Product of lower triangular matrices (n, n, F) with vectors B (n, F)."""
+    """Multiply vectors by lower triangular matrices.
+
+    Parameters
+    ----------
+    inverse : array, shape (n, n, F)
+        Inverse Cholesky factors, lower triangular, of F frames.
+    B : array, shape (n, F)
+        Vectors.
+    out : array, shape (n, F)
+        Where the result is written.
+
+    """
     fill(0.0, out)
     for i in range(len(inverse)):
         for j in range(i + 1):
@@ -82,9 +93,28 @@ def by_lower(inverse: Array, B: Array, out: Array) -> None:
 def eliminate(
     evaluation: Evaluation, b: int, derivatives: Derivatives, damping: Array, out: EliminatedStates
 ) -> Array:
-    """Eliminate branch b's states from its normal equations; return its weighted residuals (m, F).
+    """Eliminate branch b's states from its normal equations (section 6).
 
-    With L L^T = J_y^T J_y + precision, damped on the diagonal: out has L^-1, L^-1 J_y^T J and L^-1 g_y.
+    With L L^T = J_y^T J_y + precision, damped on the diagonal, L^-1, L^-1 J_y^T J and L^-1 g_y are kept.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+        Chains at a point, with residuals computed.
+    b : int
+        Index of the branch.
+    derivatives : Derivatives
+        Of the branch, as `jacobian` writes them.
+    damping : array, shape (F,)
+        Share of the diagonal that is added to it in each frame (Marquardt).
+    out : EliminatedStates
+        Where L^-1 (s, s, F), L^-1 J_y^T J (6 + g, s, F) and L^-1 g_y (s, F) are written.
+
+    Returns
+    -------
+    array, shape (m, F)
+        Residuals of the branch, with robust weights and tempering in.
+
     """
     chains, _, at, _, objective, _, current = evaluation
     receivers, ranges = chains.receivers, chains.ranges
@@ -136,7 +166,21 @@ def add_to_root(
 ) -> None:
     """Add branch b, its states eliminated, to the normal equations of roots.
 
-    J : (6 + g, m, F) derivatives by root and unknowns; r : (m, F) weighted residuals.
+    Parameters
+    ----------
+    chains : FlatChains
+        All branches.
+    b : int
+        Index of the branch.
+    J : array, shape (6 + g, m, F)
+        Derivatives by root and unknowns.
+    r : array, shape (m, F)
+        Weighted residuals.
+    part : EliminatedStates
+        The branch as eliminated.
+    root : RootEquations
+        Normal equations of roots, changed in place.
+
     """
     H_rr, H_xr, g_r = root
     ranges, by_unknown = chains.ranges, chains.receivers.by_unknown
@@ -159,7 +203,20 @@ def add_to_root(
 
 @inner
 def solve_root(root: RootEquations, damping: Array, inverse: Array, rhs: Array) -> None:
-    """Eliminate roots: inverse (6, 6, F) and rhs (6, F) of `Reduced`."""
+    """Eliminate the roots of all frames from their normal equations (section 6).
+
+    Parameters
+    ----------
+    root : RootEquations
+        Normal equations; the diagonal of H_rr is damped in place.
+    damping : array, shape (F,)
+        Share of the diagonal that is added to it in each frame (Marquardt).
+    inverse : array, shape (6, 6, F)
+        Where the inverse Cholesky factors are written.
+    rhs : array, shape (6, F)
+        Where they are written times the gradient.
+
+    """
     H_rr, _, g_r = root
     for i in range(6):
         for f in range(len(damping)):
@@ -170,7 +227,20 @@ def solve_root(root: RootEquations, damping: Array, inverse: Array, rhs: Array) 
 
 @compiled
 def reduce_roots(root: RootEquations, damping: Array, inverse: Array, rhs: Array, by_x: Array) -> None:
-    """Eliminate roots; by_x (G, 6, F) : how they move with the unknowns, as in `Reduced`."""
+    """Eliminate the roots of all frames, and how they move with the unknowns (section 6).
+
+    Parameters
+    ----------
+    root : RootEquations
+        Normal equations; the diagonal of H_rr is damped in place.
+    damping : array, shape (F,)
+        Share of the diagonal that is added to it in each frame (Marquardt).
+    inverse, rhs : array, shape (6, 6, F) and (6, F)
+        As `solve_root` writes them.
+    by_x : array, shape (G, 6, F)
+        Where the inverse factors are written times H_xr.
+
+    """
     solve_root(root, damping, inverse, rhs)
     for g in range(len(by_x)):
         by_lower(inverse, root.H_xr[g], by_x[g])
@@ -178,7 +248,18 @@ def reduce_roots(root: RootEquations, damping: Array, inverse: Array, rhs: Array
 
 @inner
 def by_upper(inverse: Array, B: Array, out: Array) -> None:
-    """Product of transposed lower triangular matrices (n, n, F) with vectors B (n, F)."""
+    """Multiply vectors by the transposes of lower triangular matrices.
+
+    Parameters
+    ----------
+    inverse : array, shape (n, n, F)
+        Inverse Cholesky factors, lower triangular, of F frames.
+    B : array, shape (n, F)
+        Vectors.
+    out : array, shape (n, F)
+        Where the result is written.
+
+    """
     fill(0.0, out)
     for i in range(len(inverse)):
         for j in range(i, len(inverse)):
@@ -188,7 +269,20 @@ def by_upper(inverse: Array, B: Array, out: Array) -> None:
 
 @compiled
 def step_states(states: npt.NDArray[np.int64], part: EliminatedStates, rest: Array, y: Array) -> None:
-    """Take the step of a branch's states that goes with that of root and unknowns, rest (columns, F)."""
+    """Take the step of a branch's states that follows from the step of root and unknowns.
+
+    Parameters
+    ----------
+    states : array of int, shape (s,)
+        Indices of the branch's states.
+    part : EliminatedStates
+        The branch as eliminated.
+    rest : array, shape (6 + g, F)
+        Step of the root, mm and rad, and of the unknowns.
+    y : array, shape (S, F)
+        Joint angles, rad, changed in place.
+
+    """
     rhs, step = part.rhs.copy(), np.empty(part.rhs.shape)
     for column in range(len(rest)):
         for i in range(len(rhs)):
@@ -202,7 +296,16 @@ def step_states(states: npt.NDArray[np.int64], part: EliminatedStates, rest: Arr
 
 @compiled
 def step_root(d_root: Array, root: Array, root_mm: Array) -> None:
-    """Move roots by d_root (6, F), mm and rotation vector in their own axes."""
+    """Move the roots of all frames: a translation, and a rotation by Rodrigues' formula.
+
+    Parameters
+    ----------
+    d_root : array, shape (6, F)
+        Step, mm and rotation vector (rad), in the root's own axes.
+    root, root_mm : array, shape (3, 3, F) and (3, F)
+        Poses of the root, changed in place.
+
+    """
     E, row = np.empty((3, 3)), np.empty(3)
     for f in range(d_root.shape[1]):
         for i in range(3):

@@ -1,6 +1,6 @@
 """Forward kinematics: from the root through every operation to the marks that receivers stand on.
 
-On paper: docs/whole-hand.md, section 4.
+On paper: docs/whole-hand.md, section 2.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Plan(NamedTuple):
 class Terms(NamedTuple):
     """K terms of O operations' amounts: coefficient * x[unknown] * y[state].
 
-    start : (O + 1,) where an operation's terms begin. unknown, state : (K,), -1 where left out; x_column,
-    y_column : (K,) their columns in the derivatives of their branch.
+    start : (O + 1,) where an operation's terms begin. unknown, state : (K,) indices, -1 where the term lacks
+    it; x_column, y_column : (K,) their columns in the derivatives of their branch.
     """
 
     start: Index

@@ -1,6 +1,6 @@
 """Levenberg-Marquardt steps of states and roots of many frames at once, the unknowns being fixed.
 
-On paper: docs/whole-hand.md, section 6.
+On paper: docs/whole-hand.md, sections 6 and 11.
 """
 
 from __future__ import annotations
@@ -97,9 +97,21 @@ def _evaluate(evaluation: Evaluation, plan: Plan) -> None:
 
 @compiled
 def pose(now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: PosingBuffers) -> None:
-    """Fit states and roots in place, x being fixed, each frame while a step gains the share least_gain.
+    """Fit states and roots with the hand fixed, by Levenberg-Marquardt (docs/whole-hand.md, section 11).
 
-    plan : condensed (see `condense`).
+    Parameters
+    ----------
+    now : Evaluation
+        Chains at the start; its states and roots are changed in place.
+    plan : Plan
+        Condensed plan of the chains (`condense`).
+    steps : int
+        Most steps of a frame.
+    least_gain : float
+        Share of a frame's cost below which a step is its last.
+    buffers : PosingBuffers
+        Working memory for as many frames.
+
     """
     current, tried = now.current, buffers.tried
     then = Evaluation(now.chains, now.amounts, tried, now.seen, now.objective, now.reached, now.current)

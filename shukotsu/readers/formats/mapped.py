@@ -196,8 +196,8 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
 def proper_rotations(matrices: Array, locate: Callable[[int], str]) -> Array:
     """Return the rotation nearest to each matrix, shape (N, 3, 3); NaN where a number is missing or infinite.
 
-    Raises InputError at the first that is mirrored or off by more than TOLERANCE: a nearest rotation of
-    something else would be made up.
+    Raises InputError at the first that is mirrored or off by more than TOLERANCE: it is no rounded rotation,
+    and the nearest one would be arbitrary.
     """
     rotations = np.full(matrices.shape, np.nan)
     whole = np.isfinite(matrices).all((-2, -1))

@@ -13,7 +13,8 @@ from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tracker.archive import open_archive
-from shukotsu.tracker.families import FAMILIES, StreamSettings
+from shukotsu.tracker.families import FAMILIES
+from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.survey import UNUSABLE, findings, flagged_records, survey_archive
 
 _KEPT = ("device-error", "device-warning", "distorted")

@@ -312,7 +312,7 @@ def _normalise(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     """Return the text without indents, skipped lines and comments emptied, so that lines keep numbers."""
     refuse_other_kind(path, data[:8], "a table as text")
     data = utf8_bytes(path, data)
-    if not data.isascii():  # else the text would only take memory
+    if not data.isascii():  # ASCII needs no decoding, which would cost memory
         decode_text(path, data, "a table as text")
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:

@@ -14,10 +14,11 @@ import pyarrow.parquet as pq
 from shukotsu.errors import InputError, list_names
 from shukotsu.readers.formats.cells import Cells
 from shukotsu.readers.formats.text_table import open_tidy_csv
-from shukotsu.readers.samples import NUMBERS, Samples, segments_of_names, segments_of_stations
+from shukotsu.readers.samples import Samples, segments_of_names, segments_of_stations
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.parquet_files import naming_damage, open_parquet
+from shukotsu.tables.poses import NUMBERS
 
 SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)

@@ -49,9 +49,9 @@ from shukotsu.readers.inspection.description import (
     median_step,
     rate_line,
 )
-from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
+from shukotsu.tables.poses import NUMBERS
 from shukotsu.tables.text_files import NO_VALUE, open_text
 from shukotsu.tables.typed_table import read_metadata
 
@@ -305,7 +305,7 @@ def _draft_config(
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
-    """Return columns that can be read so, title -> (N,)."""
+    """Return the columns that a function can read, title -> (N,)."""
     numbers = {}
     for title in titles:
         with suppress(InputError):

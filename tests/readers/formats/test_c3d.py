@@ -16,8 +16,8 @@ from shukotsu.paper.moments import JointMoments, relative_poses
 from shukotsu.readers.formats.c3d import cluster_poses, read_c3d
 from shukotsu.readers.inspection.c3d_files import describe_c3d
 from shukotsu.readers.poses_table import poses_table
-from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import NUMBERS
 
 RNG = np.random.default_rng(9)
 FRAMES = 12

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from sample_files import RECORDINGS
 
 from shukotsu.commands.inspect_file import inspect
-from shukotsu.readers.formats.readers import find_parts_reader
+from shukotsu.readers.import_recording import find_parts_reader
 from shukotsu.readers.poses_table import poses_table
 from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import read_mapping

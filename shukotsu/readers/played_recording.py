@@ -1,0 +1,43 @@
+"""A recording as motion for the emulated tracker to play."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shukotsu.errors import InputError
+from shukotsu.readers.import_recording import find_parts_reader
+from shukotsu.study.file_formats import AUTO
+
+if TYPE_CHECKING:
+    from shukotsu.tracker.emulated_device import PlayedMotion
+
+
+def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> PlayedMotion:
+    """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
+
+    Segments without a station are left out and noted. Raises InputError where the file is no recording, or
+    where none of its segments has a station.
+    """
+    import numpy as np
+
+    from shukotsu.readers.samples import join_samples
+    from shukotsu.study.layout import read_layout
+    from shukotsu.tracker.emulated_device import MAX_STATION, recorded_motion
+
+    layout = read_layout(layout_name)
+    samples = join_samples(find_parts_reader(path, AUTO)(path, layout, None))
+    receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
+    receivers[receivers > MAX_STATION] = 0
+    station = receivers[samples.segment]
+    if not station.any():
+        raise InputError(
+            f"{path}: none of its segments has a station from 1 to {MAX_STATION} in layout {layout.name}; "
+            "give the layout's segments such `receiver:` numbers"
+        )
+    notes = [
+        f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"
+        for index in np.unique(samples.segment[station == 0])
+    ]
+    poses = samples.numbers
+    return recorded_motion(samples.frame, station, poses[:, :3], poses[:, 3:], loop=loop, notes=notes)
