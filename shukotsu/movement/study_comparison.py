@@ -19,8 +19,10 @@ from itertools import combinations, groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
+from shukotsu.arrays import Float
 from shukotsu.errors import list_names
 from shukotsu.scores.paired_statistics import (
     FEWEST_IN_GROUP,
@@ -195,10 +197,13 @@ class LevelPair:
     suspect: Mapping[str, str]
     without: Sequence[str]
 
-    def candidates(self, level: str) -> frozenset[str]:
-        """Subjects that may stand for the level: within those with both, between those with it alone."""
-        wanted = {self.level, self.other} if self.design == WITHIN else {level}
-        return frozenset(subject for subject, levels in self.levels_of.items() if levels == wanted)
+    @cached_property
+    def candidates(self) -> tuple[frozenset[str], frozenset[str]]:
+        """Subjects that may stand for each level: within those with both, between those with it alone."""
+        first, other = frozenset({self.level}), frozenset({self.other})
+        wanted = (first | other,) * 2 if self.design == WITHIN else (first, other)
+        of = [frozenset(name for name, has in self.levels_of.items() if has == levels) for levels in wanted]
+        return of[0], of[1]
 
     def left_out(self, used: Collection[str]) -> tuple[int, str]:
         """Count the subjects not in `used`, and say why they, or some recordings of others, are not."""
@@ -272,11 +277,26 @@ def difference_rows(
             for key, family in families.items():
                 if key[:-1] != tuple(pair.where.values()):
                     continue
-                levels = family.reindex(columns=[pair.level, pair.other])
-                for of, rows in levels.groupby("of", sort=False):
-                    values = rows.droplevel([name for name in rows.index.names if name != "subject"])
+                for (of,), subjects, values in _cells(
+                    family.reindex(columns=[pair.level, pair.other]), ["of"]
+                ):
                     row = where | {"model": key[-1], "of": of, "unit": quantity.unit}
-                    yield row | _difference_row(values, pair)
+                    yield row | _difference_row(subjects, values, pair)
+
+
+def _cells(
+    wide: pd.DataFrame, names: Sequence[str]
+) -> Iterator[tuple[tuple[str, ...], list[str], Float[np.ndarray, "n k"]]]:
+    """Yield of each combination of index levels its key, subjects and values, in order of appearance.
+
+    wide : indexed by the names and the subject; values of n subjects in its k columns, NaN where none.
+    """
+    cell = wide.groupby(list(names), sort=False).ngroup().to_numpy()
+    keys = list(zip(*(wide.index.get_level_values(name) for name in names), strict=True))
+    subjects, values = wide.index.get_level_values("subject"), wide.to_numpy(float)
+    in_order = np.argsort(cell, kind="stable")
+    for rows in np.split(in_order, np.flatnonzero(np.diff(cell[in_order])) + 1) if len(wide) else ():
+        yield keys[rows[0]], subjects[rows].tolist(), values[rows]
 
 
 def judge(rows: Sequence[MovementDifferencesRow]) -> None:
@@ -291,16 +311,19 @@ def judge(rows: Sequence[MovementDifferencesRow]) -> None:
             row["verdict"] = "" if p_holm is None else SHOWN if p_holm <= LEVEL else NOT_SHOWN
 
 
-def _difference_row(values: pd.DataFrame, pair: LevelPair) -> MovementDifferencesRow:
-    """Return one comparison. values : a row a subject, a column a level, NaN where there is none."""
-    first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
-    other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
+def _difference_row(
+    subjects: Sequence[str], values: Float[np.ndarray, "n 2"], pair: LevelPair
+) -> MovementDifferencesRow:
+    """Return one comparison. values : (n, 2) of the subjects at both levels, NaN where there is none."""
+    counts = np.array([[name in may for may in pair.candidates] for name in subjects]) & ~np.isnan(values)
     is_within = pair.design == WITHIN
     if is_within:
-        both = first.index.intersection(other.index, sort=False)
-        first, other = first[both], other[both]
+        counts[:] = counts.all(1, keepdims=True)
+    first, other = values[counts[:, 0], 0], values[counts[:, 1], 1]
     n, m = len(first), len(other)
-    n_left_out, reason = pair.left_out({*first.index, *other.index})
+    n_left_out, reason = pair.left_out(
+        {name for name, used in zip(subjects, counts.any(1), strict=True) if used}
+    )
     row: MovementDifferencesRow = {
         "n": n,
         "n_other": m,
@@ -310,13 +333,14 @@ def _difference_row(values: pd.DataFrame, pair: LevelPair) -> MovementDifference
     }
     if n and m:
         row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
-        row |= {"sd": float(first.std()), "other_sd": float(other.std())}
+        sd, other_sd = (float(each.std(ddof=1)) if len(each) > 1 else None for each in (first, other))
+        row |= {"sd": sd, "other_sd": other_sd}
         row["difference"] = row["mean"] - row["other_mean"]
     result: Difference | None = None
     if is_within and n:
-        result = paired_difference((first - other).to_numpy())
+        result = paired_difference(first - other)
     elif not is_within and min(n, m) >= 2:
-        result = group_difference(first.to_numpy(), other.to_numpy())
+        result = group_difference(first, other)
     row |= {"p": None, "test": "", "effect_size_name": ""}
     if result is not None and result.effect is not None and result.effect_interval is not None:
         low, high = result.effect_interval
@@ -364,12 +388,11 @@ def reliability_rows(
             continue
         means = measured.groupby([*CELL, "subject", across], sort=False)["value"].mean()
         wide = means.unstack(across, sort=False)
-        for key, cell in wide.groupby(CELL, sort=False):
+        for key, subjects, values in _cells(wide, CELL):
             where: Any = dict(zip(CELL, key, strict=True)) | {"across": across}
-            present = set(cell.index.get_level_values("subject"))
             expected = reasons[where["hand"], where["task"]].items()
-            absent = {subject: reason for subject, reason in expected if subject not in present}
-            row = _reliability_row(cell, absent)
+            absent = {subject: reason for subject, reason in expected if subject not in subjects}
+            row = _reliability_row(subjects, values, list(wide.columns), absent)
             if row:
                 contains = everything.contained[across].get((where["hand"], where["task"]), "")
                 named = {"quantity": quantity.name, "unit": quantity.unit, "contains": contains}
@@ -389,28 +412,35 @@ def _reasons(everything: RecordingLevels) -> dict[tuple[str, str], dict[str, str
     }
 
 
-def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> MovementReliabilityRow:
-    """Return one number's row, empty where nothing repeats. values : a row a subject, a column a session."""
-    shared = values.columns[values.notna().sum() * 2 >= len(values)]
-    if values.notna().sum(axis=1).max() < 2:
+def _reliability_row(
+    subjects: Sequence[str],
+    values: Float[np.ndarray, "n k"],
+    levels: Sequence[str],
+    absent: Mapping[str, str],
+) -> MovementReliabilityRow:
+    """Return one number's row, empty where nothing repeats. values : of subjects in sessions or trials."""
+    seen = ~np.isnan(values)
+    if seen.sum(1).max() < 2:
         return {}
-    complete = values[shared].dropna()
-    dropped = [str(key[-1]) for key in values.index.difference(complete.index, sort=False)]
-    reasons = {subject: f"not in every one of {list_names(list(shared))}" for subject in dropped} | absent
+    is_shared = seen.sum(0) * 2 >= len(values)
+    shared = [level for level, counts in zip(levels, is_shared, strict=True) if counts]
+    in_all = seen[:, is_shared].all(1)
+    dropped = [subject for subject, complete in zip(subjects, in_all, strict=True) if not complete]
+    reasons = {subject: f"not in every one of {list_names(shared)}" for subject in dropped} | dict(absent)
     by_reason: dict[str, list[str]] = {}
     for subject, reason in reasons.items():
         by_reason.setdefault(reason, []).append(subject)
     row: MovementReliabilityRow = {
-        "n": len(complete),
+        "n": int(in_all.sum()),
         "k": len(shared),
         "left_out": len(reasons),
         "left_out_reason": "; ".join(f"{reason}: {list_names(names)}" for reason, names in by_reason.items()),
         "message": "",
     }
-    if len(complete) < FEWEST_REPEATED or len(shared) < 2:
-        few = f"not stated: {len(complete)} in all {len(shared)}, it takes {FEWEST_REPEATED} subjects"
+    if row["n"] < FEWEST_REPEATED or len(shared) < 2:
+        few = f"not stated: {row['n']} in all {len(shared)}, it takes {FEWEST_REPEATED} subjects"
         return row | {"message": few}
-    result = reliability(complete.to_numpy())
+    result = reliability(values[in_all][:, is_shared])
     intervals = {
         "icc_2_1": (result.agreement.value, result.agreement.interval),
         "icc_3_1": (result.consistency.value, result.consistency.interval),
