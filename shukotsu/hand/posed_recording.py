@@ -227,14 +227,18 @@ class RecordingReader:
         with self.opened(self.tables(table.name), table) as parts:
             return parts.recording(*key, columns, count, frames, name)
 
+    def numbers_at(self, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
+        """Return `numbers` at frames; raise InputError where the table has no row of the recording."""
+        if numbers := self.numbers(table, columns, frames):
+            return numbers
+        raise InputError(f"the {table.name} table has no row of this recording")
+
     def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
         """Return readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
 
-        Raises InputError where the table has no row of the recording.
+        Raises InputError as `numbers_at`.
         """
-        names = self.numbers(table, (), next(self.pose_blocks()).frame[:1])
-        if not names:
-            raise InputError(f"the {table.name} table has no row of this recording")
+        names = self.numbers_at(table, (), next(self.pose_blocks()).frame[:1])
 
         def read(name: str) -> Array:
             return self.numbers(table, columns, name=name)[name]

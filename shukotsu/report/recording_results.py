@@ -4,7 +4,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
-from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
+from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import Skeleton
 from shukotsu.report.hand_motion import (
     MOST_FRAMES,
@@ -30,13 +30,14 @@ from shukotsu.study.model import the_papers
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
 from shukotsu.tables.parts import Part, read_part
-from shukotsu.tables.poses import Poses, pose_blocks
+from shukotsu.tables.poses import Poses
 from shukotsu.translation import N_
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow, JointSolutionsRow, RecordingsRow, TipErrorsRow
 
 ANGLES = ("flexion", "abduction", "rotation")
+_ANGLE_COLUMNS = [f"{angle}_{what}" for what in ("deg", "sd_deg") for angle in ANGLES]
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
         trouble = error.message
     for name, reader in readers.items():
         try:
-            models[name] = _model_results(results, reader, max(1, every))
+            models[name] = _model_results(results, reader, poses)
             if poses is not None:
                 skeletons.append(_skeleton(results, reader, poses))
         except InputError as error:
@@ -122,23 +123,21 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
     return RecordingResults(results, recording, row, tuple(models.values()), left_out, motion, trouble)
 
 
-def read_still(results: StudyResults, recording: Recording, models: Collection[str]) -> HandMotion:
-    """Read the hand in the one frame that a still picture shows, under each of the models.
+def read_still(results: StudyResults, recording: Recording, model: str) -> HandMotion:
+    """Read the hand under a model in the one frame that a still picture shows.
 
     Raises InputError where the recording has no frame to show.
     """
     layout, path = results.layouts[recording.hand], results.poses(recording)
     name = path.relative_to(results.paths.folder).as_posix()
+    reader = _reader(results, recording, model)
     try:
-        shown = open_frame(pose_blocks(path, layout.measured, BLOCK_FRAMES), layout)
+        shown = open_frame(reader.pose_blocks(), layout)
     except InputError as error:
         raise InputError(str(error).replace(str(path), name).rstrip(".")) from error
     if shown is None:
         raise InputError(f"{name} has no frame with a valid base receiver")
-    skeletons = [
-        _skeleton(results, _reader(results, recording, model), shown, still=True) for model in models
-    ]
-    return hand_motion(recording.hand.hand, layout, shown, skeletons)
+    return hand_motion(recording.hand.hand, layout, shown, [_skeleton(results, reader, shown, still=True)])
 
 
 STRETCH_S, STRETCH_HZ = 6.0, 30.0
@@ -171,7 +170,7 @@ def read_angles(results: StudyResults, recording: Recording, model: str) -> dict
 
     Raises InputError where the recording has none.
     """
-    return _angles(_reader(results, recording, model))
+    return _reader(results, recording, model).series(JOINT_ANGLES, _ANGLE_COLUMNS)
 
 
 def read_tip_errors(
@@ -192,31 +191,27 @@ def _reader(results: StudyResults, recording: Recording, model: str) -> Recordin
         Part(hand.hand, model, "", *hand.who),
         results.poses(recording),
         lambda name: results.subject_table(hand, name, model),
+        results.opened,
     )
 
 
-def _angles(reader: RecordingReader) -> dict[str, Callable[[], Array]]:
-    columns = [f"{angle}_{what}" for what in ("deg", "sd_deg") for angle in ANGLES]
-    return reader.series(JOINT_ANGLES, columns)
-
-
-def _model_results(results: StudyResults, reader: RecordingReader, every: int) -> ModelResults:
+def _model_results(results: StudyResults, reader: RecordingReader, poses: Poses | None) -> ModelResults:
     recording, name, part = reader.recording, reader.model.name, reader.part
     hand = recording.hand
     joints = results.joints_of.get((hand, name), [])
     if not joints:
         read_part(reader.tables(JOINT_CENTRES.name), JOINT_CENTRES, part, ["joint"])
         raise InputError(N_("the joint_centres table has no row"))
-    path = results.subject_table(hand, JOINT_SOLUTIONS.name)
-    solutions = read_part(path, JOINT_SOLUTIONS, part, ["joint", "singular_values"]).to_pylist()
+    with reader.opened(reader.tables(JOINT_SOLUTIONS.name), JOINT_SOLUTIONS) as parts:
+        solutions = parts.part(part, ["joint", "singular_values"]).to_pylist()
     errors = [
         row
         for row in results.rows.tip_errors
         if row_key(row) == recording_key(recording) and row["model"] == name
     ]
     angles = None
-    if reader.is_fitted:
-        shown = {joint: read()[::every].copy() for joint, read in _angles(reader).items()}
+    if reader.is_fitted and poses is not None:
+        shown = reader.numbers_at(JOINT_ANGLES, _ANGLE_COLUMNS, poses.frame)
         angles = JointAngles(name, tuple(shown), *np.split(np.stack(list(shown.values()), 1), 2, axis=2))
     return ModelResults(name, joints, solutions, errors, angles)
 
@@ -232,9 +227,7 @@ def _skeleton(
     errors: dict[str, Array] = {}
     if not still and reader.recording.role != "calibration":
         try:
-            errors = reader.numbers(TIPS, ["error_mm"], poses.frame)
-            if not errors:
-                raise InputError(f"the {TIPS.name} table has no row of this recording")
+            errors = reader.numbers_at(TIPS, ["error_mm"], poses.frame)
         except InputError:
             if not reader.is_fitted:
                 raise  # a fitted hand is posed, and shown, without a replay too

@@ -21,7 +21,7 @@ from shukotsu.study.recording_summary import subject_tables
 from shukotsu.study.results import FAILED_PAGES, Results, table_in
 from shukotsu.study.study import OfRecordings, Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
-from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.parts import Opened, Part, open_parts
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import Table, key_of, read_metadata, read_table, rows_of
 from shukotsu.translation import tr
@@ -107,6 +107,7 @@ class StudyResults(OfRecordings):
     models: Mapping[str, SkeletonModel]
     layouts: Mapping[Hand, Layout]
     rows: StudyRows
+    opened: Opened = open_parts
 
     @property
     def has_sessions(self) -> bool:
@@ -170,7 +171,8 @@ class StudyResults(OfRecordings):
         """Rows of a hand, under a model, of a subject's short table; none where there are none to read."""
         path = self.subject_table(hand, table.name)
         try:
-            return list(rows_of(read_part(path, table, Part(hand.hand, model, "", *hand.who))))
+            with self.opened(path, table) as parts:
+                return parts.rows(Part(hand.hand, model, "", *hand.who))
         except InputError:
             return []
 
@@ -291,7 +293,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     )
 
 
-def read_subject(plan: SubjectPlan) -> StudyResults:
+def read_subject(plan: SubjectPlan, opened: Opened = open_parts) -> StudyResults:
     """Read one subject's tables: the same results, for a study of that subject alone.
 
     Raises InputError where a table is absent or another one; a part that failed is among the problems.
@@ -309,6 +311,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         models=plan.models,
         layouts={plan.hand(hand): layout for hand, layout in plan.layouts.items()},
         rows=StudyRows(**rows),
+        opened=opened,
     )
 
 

@@ -45,6 +45,7 @@ from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.results import FAILED_PAGES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import RANGES_OF_MOTION
+from shukotsu.tables.parts import opened_once
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import write_text
 from shukotsu.translation import tr, translated
@@ -111,7 +112,7 @@ def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
     recordings = [each for each in results.recordings if each.hand == hand and not each.exclude]
     for recording in sorted(recordings, key=lambda each: each.role == "calibration"):
         try:
-            motion = read_still(results, recording, [results.leading])
+            motion = read_still(results, recording, results.leading)
         except InputError as error:
             reasons.append(translated(error.message))
             continue
@@ -163,8 +164,9 @@ Page = tuple[Callable[[], str], Callable[[str], str]]
 def write_pages(arguments: argparse.Namespace) -> None:
     """Read the subject's tables, write its pages; one that cannot be made says why, and costs no other."""
     check_language(arguments.language, "--language")
-    results = read_subject(plan_of_results(arguments.plan))
-    with speaking(arguments.language):
+    plan = plan_of_results(arguments.plan)
+    with speaking(arguments.language), opened_once() as opened:
+        results = read_subject(plan, opened)
         pages: dict[Path, Page] = {Path("subject.html"): (partial(render_subject, results), render_failure)}
         for recording in results.shown:
             pages[_page(recording)] = (

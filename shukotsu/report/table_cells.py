@@ -96,11 +96,6 @@ _TERMS: Mapping[str, str] = {
 """What quantities, and other words of tables, mean in a sentence each."""
 
 
-def meaning(cell: object) -> str:
-    """Return what a heading or a row's name means, in the language in use; empty where it is plain."""
-    return tr(_meanings(language()).get(str(cell), ""))
-
-
 @lru_cache
 def _meanings(_: str) -> Mapping[str, str]:
     """Return what means something in a language: headings and other words, with their meanings in English."""
@@ -141,10 +136,11 @@ class DataTable:
     source: str = ""
 
     @property
-    def words(self) -> list[str]:
-        """Headings and names of rows that have an explanation."""
+    def meanings(self) -> dict[str, str]:
+        """What headings and names of rows mean, of those that are not plain."""
         cells = [cell for block in self.blocks for cell in (*block.header, *(row[0] for row in block.rows))]
-        return [cell for cell in dict.fromkeys(cells) if meaning(cell)]
+        texts = _meanings(language())
+        return {cell: tr(texts[cell]) for cell in dict.fromkeys(cells) if cell in texts}
 
 
 @dataclass(frozen=True)

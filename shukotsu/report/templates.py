@@ -20,7 +20,7 @@ from markupsafe import Markup, escape
 
 from shukotsu.errors import InputError
 from shukotsu.report.palette import as_custom_property, css
-from shukotsu.report.table_cells import capital, meaning
+from shukotsu.report.table_cells import capital
 from shukotsu.resources import VERSION
 from shukotsu.translation import END, ENGLISH, FOREIGN, N_, language, ngettext, punctuated, tr, translating
 
@@ -66,7 +66,7 @@ def _environment() -> jinja2.Environment:
     )
     environment.policies["ext.i18n.trimmed"] = True
     environment.install_gettext_callables(tr, ngettext, newstyle=True)  # type: ignore[attr-defined]
-    environment.globals |= {"language": language, "tr": tr, "meaning": meaning}
+    environment.globals |= {"language": language, "tr": tr}
     environment.globals["as_custom_property"] = as_custom_property
     environment.globals["script_texts"] = lambda: {name: tr(text) for name, text in SCRIPT_TEXTS.items()}
     environment.filters |= {"coded": coded, "capital": capital}

@@ -119,11 +119,12 @@ def _compare(
             compared.values.append(row | {"reference": value["model"] in references} | value)
     of_metric |= {"table": metric.table, "held_out": held_out, "n_subjects": len(study.subjects)}
     for other in others:
+        shared_of = {digit: _shared_means(places, models, other) for digit, places in scopes.items()}
         for family in ([ALL_DIGITS], [digit for digit in scopes if digit != ALL_DIGITS]):
             rows: list[ModelDifferencesRow] = []
             for model in models:
                 for digit in family if model != other else ():
-                    shared = _shared_means(scopes[digit], model, other)
+                    shared = shared_of[digit][model]
                     of_pair = of_metric | {"digit": digit, "model": model, "other": other}
                     compared.pairs += [of_pair | pair for pair in shared]
                     rows.append(of_pair | {"baseline": other == baseline} | _difference(shared))
@@ -185,20 +186,22 @@ def _values(
             }
 
 
-def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[ModelPairsRow]:
-    """Means of two models for each subject, over the places in which both have a number."""
-    values = places["value"].reindex(columns=[model, other]).astype(float).dropna().groupby(level="subject")
-    counts = values.size()
-    return [
-        {
-            "subject": subject,
-            "value": float(value),
-            "other_value": float(other_value),
-            "difference": float(value - other_value),
-            "n_places": int(counts[subject]),
-        }
-        for subject, value, other_value in values.mean().itertuples(name=None)
-    ]
+def _shared_means(places: pd.DataFrame, models: Sequence[str], other: str) -> dict[str, list[ModelPairsRow]]:
+    """Means of each model and the other one for each subject, over the places in which both have a number."""
+    values = places["value"].reindex(columns=[*models, other]).astype(float).to_numpy()
+    mine, theirs = values[:, :-1], values[:, -1:]
+    shared = np.hstack([np.where(np.isnan(theirs), np.nan, mine), np.where(np.isnan(mine), np.nan, theirs)])
+    by_subject = pd.DataFrame(shared, places.index).groupby(level="subject")
+    means, counts = by_subject.mean(), by_subject.count()
+    pairs: dict[str, list[ModelPairsRow]] = {}
+    for at, model in enumerate(models):
+        numbers = zip(means.index, means[at], means[len(models) + at], counts[at], strict=True)
+        pairs[model] = [
+            {"subject": who, "value": a, "other_value": b, "difference": a - b, "n_places": count}
+            for who, a, b, count in numbers
+            if count
+        ]
+    return pairs
 
 
 def _difference(shared: Sequence[ModelPairsRow]) -> ModelDifferencesRow:

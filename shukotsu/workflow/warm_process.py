@@ -30,7 +30,7 @@ ROOMS = (
     *("checks", "export", "fit", "hand", "movement", "paper", "readers", "report", "scores", "simulate"),
     *("study", "tables"),
 )
-PACKAGES = ("pyarrow.compute", "pyarrow.parquet", "jsonschema", *(f"shukotsu.{room}" for room in ROOMS))
+PACKAGES = ("jsonschema", "matplotlib.backends.backend_pdf", *(f"shukotsu.{room}" for room in ROOMS))
 """Modules imported before the first fork; of a package of this project, all its modules."""
 WAITING = 128
 KEEP_MEMORY = {

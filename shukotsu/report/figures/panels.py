@@ -130,6 +130,9 @@ def _blank(width_mm: float, height_mm: float) -> Figure:
 def lay_out(figure: Figure, writable: Callable[[str], str]) -> None:
     """Change every text to what its medium can hold, then lay the figure out, once for all files."""
     rewrite(figure, writable)
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if not axis.get_label_text():  # else every tick's label is measured to find a place for it
+            axis.set_label_coords(0.0, 0.0)
     engine = figure.get_layout_engine()
     assert engine is not None
     engine.execute(figure)

@@ -48,6 +48,7 @@ STYLE: dict[str, Any] = {
     "axes.labelsize": 8.0,
     "axes.titlesize": 8.0,
     "axes.titlepad": 3.0,
+    "axes.titley": 1.0,  # at the axes' top: to look for a free place measures every tick's label
     "axes.labelpad": 2.0,
     "axes.linewidth": 0.6,
     "axes.edgecolor": SOFT,

@@ -142,9 +142,10 @@ def pack_blocks(blocks: Sequence[NumberBlock]) -> tuple[bytes, list[dict[str, An
         valid = np.asarray(np.isfinite(block.values).all(-1, keepdims=True))
         steps = np.rint(np.where(valid, block.values, 0.0) / block.step).astype(np.int64)
         change = np.diff(_held(steps, valid), axis=0, prepend=0)
-        code = np.where(valid, 1 + ((change << 1) ^ (change >> 63)), 0).transpose(1, 2, 0)
+        code = np.where(valid, 1 + ((change << 1) ^ (change >> 63)), 0)
         planes = max(1, -(-int(code.max(initial=0)).bit_length() // 8))
-        raw += [(code >> (8 * plane)).astype(np.uint8).tobytes() for plane in range(planes)]
+        code_bytes = np.ascontiguousarray(code.transpose(1, 2, 0), "<i8").view(np.uint8).reshape(-1, 8)
+        raw += [code_bytes[:, plane].tobytes() for plane in range(planes)]
         shape = dict(zip(("frames", "count", "width"), block.values.shape, strict=True))
         parts.append({"name": block.name, "step": block.step, **shape, "planes": planes})
     return zlib.compress(b"".join(raw), _LEVEL), parts
@@ -195,6 +196,8 @@ def _steady_signs(quaternion: Array) -> Array:
 
 def _held(values: npt.NDArray[Any], valid: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
     """Return values (T, N, W), those not valid (T, N, 1) replaced by the last valid before them, if any."""
+    if valid.all():
+        return values
     last = np.maximum.accumulate(np.where(valid, np.arange(len(values))[:, None, None], 0), axis=0)
     return np.take_along_axis(values, last, axis=0)
 
