@@ -82,6 +82,8 @@ COMMAND_FAILED = "RuleException:\nCalledProcessError"
 FULL_BYTES = 1 << 16
 """A disk with less free space counts as full."""
 FULL = (errno.ENOSPC, errno.EDQUOT)
+ENDED_BY_SIGNAL, SIGNALS_ARRIVE_S = ("interrupted", "ended by SIG"), 0.5
+"""How the messages of such jobs begin, and within which time all processes have the signal."""
 
 
 class FailedJobs(logging.Filter):
@@ -123,6 +125,8 @@ class FailedJobs(logging.Filter):
         if details["indent"] and (not was_run or all(Path(path).exists() for path in details["output"])):
             return
         why = reason(log, details["output"]) or details["rule_msg"] or "it ended without an error message"
+        if why.startswith(ENDED_BY_SIGNAL):
+            time.sleep(SIGNALS_ARRIVE_S)  # that of this process, if it was sent one too, ends its messages
         self._print(record, f"{message}: {why}", details["log"])
 
     def _print(self, record: logging.LogRecord, sentence: str, logs: list[str]) -> None:
