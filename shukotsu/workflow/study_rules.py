@@ -30,7 +30,6 @@ CAPTIONS = PACKAGE / "report" / "captions"
 
 WILDCARDS = dict.fromkeys(("subject", "hand", "task", "recording", "model"), "[^/]+") | {"hand": "right|left"}
 """Allowed values of wildcards."""
-STAGES_VARIABLES = "SHUKOTSU_PYTHON", "SHUKOTSU_JOB", "SHUKOTSU_STAGES"
 STAGES = '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"'
 """Start of the rules' commands; a path in them would make a moved checkout run everything again."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
@@ -49,8 +48,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
     if not is_module:  # no module is imported from the working folder
         os.environ.update(PYTHONSAFEPATH="1")
-    paths_of_stages = sys.executable, job.__file__, str(ROOT / "stages")
-    os.environ.update(zip(STAGES_VARIABLES, paths_of_stages, strict=True))
+    os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_JOB=job.__file__)
+    os.environ.update(SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []

@@ -150,6 +150,18 @@ def test_a_shift_that_all_share_is_consistent_and_no_agreement() -> None:
     assert reliability(np.ones((5, 1)) * [0.0, 1.0]).agreement.value == 0.0
 
 
+@pytest.mark.parametrize(("n", "m", "spread"), [(4, 9, 3.0), (12, 5, 0.2), (2, 2, 1.0), (6, 4, 0.0)])
+def test_the_interval_of_two_groups_is_welchs(n: int, m: int, spread: float) -> None:
+    rng = np.random.default_rng(n)
+    first, other = rng.normal(1.0, 1.0, n), rng.normal(0.0, spread, m)
+    welch = stats.ttest_ind(first, other, equal_var=False).confidence_interval(0.95)
+    assert group_difference(first, other).interval == pytest.approx(tuple(welch), rel=1e-12)
+
+
+def test_groups_without_spread_differ_by_their_means() -> None:
+    assert group_difference(np.full(4, 3.0), np.full(5, 1.0)).interval == (2.0, 2.0)
+
+
 TESTS = Path(__file__).resolve().parents[1]
 SCRIPT = TESTS / "export_tools" / "statistics_of_others.py"
 ROUNDING = 1e-9

@@ -74,6 +74,13 @@ def warm() -> Iterator[psutil.Process]:
         assert started.returncode == 0
 
 
+def test_a_request_arrives_as_it_was_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the system lets words and variables be: empty, of several lines, with =, or no UTF-8."""
+    monkeypatch.setenv("OF_THIS_TEST", "a=b\n\udcff")
+    words = ["/stages/plan.py", "", "--out=手 骨\n", "\udcff"]
+    assert job.job_of(job.request_of("/a folder", words)) == ("/a folder", words, dict(os.environ))
+
+
 def forks(warm: psutil.Process) -> list[psutil.Process]:
     return [fork for fork in warm.children() if fork.status() != psutil.STATUS_ZOMBIE]
 
