@@ -160,8 +160,9 @@ class ScoreTest:
     """Slope (S, I, 6) and curvature (S, 6 I, 6 I) of the cost by a receiver's displacement in each interval
     from `cuts` (I,).
 
-    gain : (S, P) log posterior that the best displacement, step (S, P, 6), adds on each course; abnormal :
-    what of it a normal displacement does not. Both 0 for those not tested.
+    gain : (S, P) log posterior that the best displacement, step (S, P, 6), adds on each course. abnormal :
+    (S, P) the part of the gain that a normal displacement does not reach, 0 where the whole gain is at most
+    `LEAST_GAIN`. Both are 0 for receivers that are not tested.
     """
 
     cuts: Index
@@ -211,12 +212,12 @@ class ScoreTest:
                 for s, (of_s, by_s) in _by_interval(left, branch, skin, cuts).items():
                     slope[s], curvature[s] = of_s, by_s
             for s in tested:
-                on_courses = _on_courses(slope[s], curvature[s], ways.share)
-                of_s, by_s = on_courses
+                of_s, by_s = _on_courses(slope[s], curvature[s], ways.share)
                 step[s] = -np.linalg.solve(by_s + DISPLACEMENT_PRECISION, of_s[..., None])[..., 0]
                 gain[s] = -(of_s * step[s]).sum(-1) / 2
-                within = most_within(np.tile(radii[s], (len(ways.share), 1)), *on_courses)
-                abnormal[s] = gain[s] - within
+                enough = gain[s] > LEAST_GAIN  # no displacement is more abnormal than it gains
+                within = most_within(np.tile(radii[s], (enough.sum(), 1)), of_s[enough], by_s[enough])
+                abnormal[s, enough] = gain[s, enough] - within
         return cls(cuts, slope, curvature, step, gain, abnormal, ways)
 
     def most_abnormal(self) -> float:

@@ -124,7 +124,10 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
 def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
     """Angles, bones' positions and quaternions, receivers' origins, and rms residual, of some frames."""
     problem = replace(problem, frames=frames)
-    point = pose(problem, first_guess(problem, fit.model, fit.posterior.x))
+    guess = first_guess(problem, fit.model, fit.posterior.x)
+    # the field's turn does not change while poses are fitted, so that it is undone once
+    problem = replace(problem, frames=replace(frames, rotation=problem.rotation(guess.x)), field=None)
+    point = pose(problem, guess)
     current = residuals(problem, point)
     marks = {
         name: (reached.rotation[mark], reached.position_mm[mark])

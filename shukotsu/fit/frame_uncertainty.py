@@ -5,8 +5,8 @@ were posed, with the covariance that the receivers valid in that frame and the a
 with the unknowns, whose covariance the fit has. Both together are a linear map of independent standard normal
 numbers, from which the error of anything posed follows: a centre, an angle, a tip.
 
-The map changes slowly with posture, and at once with the receivers. So it is made for a few postures of every
-set of valid receivers, and each frame takes that of the nearest.
+The map changes slowly with posture, and at once with the receivers. So it is computed for a few postures of
+every set of valid receivers, and the errors of each frame are interpolated between the two nearest.
 
 On paper: docs/whole-hand.md, sections 8 and 11.
 """
@@ -36,13 +36,15 @@ from shukotsu.hand.rotations import Array, about_axis, cross, matrix, multiply
 from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Digit
 
-POSTURES = 96
+POSTURES = 64
 """Postures of a block of frames, for which the map is made; each set of valid receivers has one at least."""
 
 _MOST_AT_ONCE = 32
 """Postures whose maps are in memory together: 15 MB."""
 
 _NUDGE_RAD = 1e-5
+
+_SAME_POSTURE = 1e-12
 
 NEUTRAL_SD_DEG = np.array([1.5, 1.5, 0.0])
 """Sd of flexion, abduction and rotation at zero of a CMC or MCP joint, which is where metacarpals stand in
@@ -125,7 +127,7 @@ def posed_errors(
         mm and degrees; `by_hand_deg` stays empty.
 
     """
-    chosen, nearest = _postures(posed, frames.valid)
+    chosen, nearest, second_share = _postures(posed, frames.valid)
     few = _join_errors(
         [
             _errors(Postures.of(tips, posed_frames(posed, rows)), frames.take(rows))
@@ -134,7 +136,7 @@ def posed_errors(
     )
 
     if not reference_deg:
-        share = np.bincount(nearest[posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
+        share = np.bincount(nearest[0, posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
         reference_deg = {
             joint: np.tensordot(share, by_hand_deg, 1) for joint, by_hand_deg in few.by_hand_deg.items()
         }
@@ -155,8 +157,11 @@ def posed_errors(
     }
 
     def of_all(values: Array) -> Array:
-        out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
-        out[~posed.posed] = np.nan
+        out = np.full((len(posed.posed), *values.shape[1:]), np.nan)
+        if len(values):
+            share = second_share.reshape(-1, *[1] * (values.ndim - 1))
+            out = (1.0 - share) * values[nearest[0]] + share * values[nearest[1]]
+            out[~posed.posed] = np.nan
         return out
 
     def by_joint(values: Mapping[str, Array]) -> dict[str, Array]:
@@ -240,12 +245,24 @@ def _join_errors(parts: Sequence[PosedErrors]) -> PosedErrors:
     )
 
 
-def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, Index]:
-    """Rows of representative postures, and for each frame the nearest one with the same receivers."""
+def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, Index, Array]:
+    """Choose representative postures of T frames.
+
+    Returns
+    -------
+    rows : array of int, shape (n,)
+        Frames chosen, spread over the postures of each set of valid receivers.
+    nearest : array of int, shape (2, T)
+        The two of them nearest to each frame that have the same receivers; the same twice if there is one.
+    second_share : array, shape (T,)
+        Weight of the second (inverse squared distances of joint angles).
+
+    """
     usable = np.flatnonzero(posed.posed)
-    nearest: Index = np.zeros(len(posed.posed), int)
+    nearest: Index = np.zeros((2, len(posed.posed)), int)
+    second_share = np.zeros(len(posed.posed))
     if not len(usable):
-        return usable, nearest
+        return usable, nearest, second_share
     chosen: list[int] = []
     _, group = np.unique(valid[usable], axis=0, return_inverse=True)
     for number in range(group.max() + 1):
@@ -253,10 +270,15 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
         states = posed.angles_rad[rows]
         few = rows[spread_frames(states, max(1, round(POSTURES * len(rows) / len(usable))))[0]]
         chosen_states = posed.angles_rad[few]
-        apart = (chosen_states**2).sum(1) - 2 * states @ chosen_states.T
-        nearest[rows] = len(chosen) + apart.argmin(1)
+        apart = (states**2).sum(1)[:, None] + (chosen_states**2).sum(1) - 2 * states @ chosen_states.T
+        nearest[:, rows] = len(chosen) + apart.argmin(1)
+        if len(few) > 1:
+            two = np.argpartition(apart, 1, axis=1)[:, :2]
+            squares = np.maximum(np.take_along_axis(apart, two, 1), 0.0)
+            nearest[:, rows] = len(chosen) + two.T
+            second_share[rows] = squares[:, 0] / np.maximum(squares.sum(1), _SAME_POSTURE)
         chosen += few.tolist()
-    return np.array(chosen, int), nearest
+    return np.array(chosen, int), nearest, second_share
 
 
 def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
