@@ -22,6 +22,8 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.config_files import read_constants
 
+pytestmark = pytest.mark.slow
+
 RUN = "import json, sys; from shukotsu.__main__ import main; sys.exit(any(map(main, json.load(sys.stdin))))"
 
 

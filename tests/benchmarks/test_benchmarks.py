@@ -30,6 +30,7 @@ def test_few_studies_in_which_nothing_differs_show_something(n: int, m: int, rat
     assert (shown <= binom.ppf(0.99, STUDIES, 0.07)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawing", [OWN, OTHER])
 def test_a_hand_is_held_against_its_truth(drawing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(two_drawings, "DURATION_S", 8.0)  # a third of the time

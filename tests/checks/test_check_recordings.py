@@ -73,6 +73,7 @@ def test_a_refused_recording_is_used_by_no_later_stage(plan: SubjectPlan, plan_f
         plan.check_calibration_left("left")
 
 
+@pytest.mark.slow
 def test_poses_without_a_plan_are_checked(
     plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

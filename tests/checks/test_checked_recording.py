@@ -24,6 +24,7 @@ FIRST = {kind: name for name, (kind, _) in reversed(MISTAKES.items())}
 """A mistake of every kind, for every run of the tests."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "drawn_otherwise"),
     [
@@ -48,6 +49,7 @@ def test_odd_hands_are_no_mistakes(hand: str) -> None:
         assert faultless_hand.findings() == [], (drawing, name)
 
 
+@pytest.mark.slow
 def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted: Planted) -> None:
     position = planted.poses.position_mm.copy()
     position[400:, planted.poses.index("ring_distal")] *= -1
@@ -76,6 +78,7 @@ def test_a_real_arm_has_no_finding_and_planted_faults_are_named(real_data: Path,
         assert [(finding.kind, finding.severity) for finding in findings] == [(kind, SUSPECT)], name
 
 
+@pytest.mark.slow
 def test_the_world_has_no_preferred_direction(planted: Planted) -> None:
     turn, poses = np.array([0.5, -0.5, 0.5, 0.5]), planted.poses
     position_mm, quaternion = poses.position_mm @ matrix(turn).T, multiply(turn, poses.quaternion)

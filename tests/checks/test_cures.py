@@ -663,6 +663,7 @@ def apart_mm(cured: Result, clean: Result) -> float:
     return max(float(np.abs(mm - clean.centre_mm[name]).max()) for name, mm in cured.centre_mm.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [
@@ -680,6 +681,7 @@ def test_a_cure_done_word_for_word_cures(case: Case) -> None:
         assert apart_mm(cured, clean) < (FAR_OF_OTHER_FRAMES_MM if case.other_frames else FAR_MM)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("door", [tidy, wide])
 def test_a_layout_says_that_nobody_wore_a_receiver(door: Door) -> None:
     right = door(hand_of(7))

@@ -30,6 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "empty"
 
 
+@pytest.mark.slow
 def test_a_replay_needs_no_study_and_leaves_nothing(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,6 +49,7 @@ def test_a_replay_needs_no_study_and_leaves_nothing(
     assert re.search(r"Not calibrated: \d+ frames show no hand yet", capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_file_that_grows_is_followed_to_its_end(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from browser import WatchedPage
 from simulated_poses import recorded
 
@@ -12,6 +13,7 @@ from shukotsu.coach.page import write_page
 from shukotsu.coach.study import hand_alone
 
 
+@pytest.mark.slow
 def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     watched_page: WatchedPage, tmp_path: Path
 ) -> None:

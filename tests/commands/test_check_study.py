@@ -53,6 +53,7 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
     return findings
 
 
+@pytest.mark.slow
 def test_a_study_s_recordings_have_the_findings_of_its_run(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +118,7 @@ def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_good_recording_has_three_lines_on_what_would_gain(
     rom: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -260,6 +260,7 @@ def test_joints_that_move_in_turn_make_no_cluster(run: Run, spoilt: str, named: 
     assert ("CHECK" in run.mapping.read_text("utf-8")) == ("put the truth where" in said) == (not named)
 
 
+@pytest.mark.slow
 def test_a_cluster_on_two_bones_is_found_and_its_cure_leaves_no_finding(
     run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -25,6 +25,7 @@ def test_nothing_of_the_persons_own_changes_a_run(tmp_path: Path, monkeypatch: p
     assert run_study._environment()["XDG_CACHE_HOME"] == str(tmp_path / ".snakemake" / "caches")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with its parent")
 def test_jobs_are_killed_with_the_command_that_started_them() -> None:
     code = (

@@ -83,6 +83,7 @@ def posture_errors_deg(
     return errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hand", "task", "forearm"),
     [

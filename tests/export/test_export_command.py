@@ -143,6 +143,7 @@ def test_a_model_that_failed_keeps_no_other_from_being_written(
     assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
 
 
+@pytest.mark.slow
 def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path) -> None:
     """Both hands in files of their own under every model."""
     hand = simulated_hands(tmp_path, ["right", "left"], 40)[0]
@@ -158,6 +159,7 @@ def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path)
     assert {path.name for path in out.iterdir()} == {f"{stem}{end}" for stem in stems for end in ends}
 
 
+@pytest.mark.slow
 def test_a_dataset_has_every_subjects_receivers_once_and_a_skeleton_a_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

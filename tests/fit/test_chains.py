@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -106,6 +107,7 @@ def test_states_follow_the_unknowns(layout: Layout) -> None:
         np.testing.assert_allclose(by_x[:, unknown], slope, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_hand_of_its_own_kind_comes_back(layout: Layout) -> None:
     """Poses made by the model's own chain, without noise: from an average hand to 0.05 mm of the true one, in
     every direction that the data show; every length within its sd.

@@ -1,6 +1,7 @@
 """Hands calibrated, and tasks recorded, with fewer receivers than there are bones."""
 
 import numpy as np
+import pytest
 from simulated_poses import fitted, recorded
 
 from shukotsu.fit.fingertips import fingertips
@@ -15,6 +16,7 @@ from shukotsu.tables.poses import Poses
 SIX = ("hand", *(f"{digit}_distal" for digit in ("thumb", *FINGERS)))
 
 
+@pytest.mark.slow
 def test_a_calibration_with_six_says_what_is_lost() -> None:
     """Bones are less certain, as far off as stated; joints have a place only beside a receiver."""
     whole, poses = fitted(), recorded(seed=4, n_frames=1600)[1]

@@ -42,6 +42,7 @@ def test_the_field_grows_no_farther_than_receivers_were() -> None:
     np.testing.assert_allclose(within[:, :3], PRIOR.FIELD_TURN_SD_RAD * np.eye(3))
 
 
+@pytest.mark.slow
 def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
     """A turn that all receivers have in common, static in the room, is found; without a field none is."""
     realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)

@@ -135,6 +135,7 @@ def test_a_wrong_touch_is_left_out(person: Person) -> None:
     np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("person", ["right"], indirect=True)
 def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the

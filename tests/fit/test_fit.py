@@ -96,6 +96,7 @@ def span_mm(fit: HandFit) -> float:
     return float(np.linalg.norm(np.subtract(*places)))
 
 
+@pytest.mark.slow
 def test_what_is_known_beside_the_recording_moves_what_it_is_of(layout: Layout, fitted: HandFit) -> None:
     """A breadth the knuckles; receivers' height what is open in depth; a calliper a bone's stated error."""
     anew = partial(fit_hand, [hand()[1]], hand="right", settings=QUICK)

@@ -42,6 +42,7 @@ def stated(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
     return posed_errors(tips, posed, tips.fit.convention.frames(poses))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worn", [(), SIX])
 def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: tuple[str, ...]) -> None:
     """Unknowns moved a little along one of the map's numbers, and the frames' own solved again."""

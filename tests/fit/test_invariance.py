@@ -49,6 +49,7 @@ def assert_same_centres(first: HandFit, second: HandFit, factor: Array) -> None:
         np.testing.assert_allclose(second.joints[name].covariance_mm2 * both, joint.covariance_mm2, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
     """Two recordings, one with gaps and cut in two, the transmitter elsewhere for all."""
     first, second = (recorded("right", task, seed=7, n_frames=1200)[1] for task in ("rom", "opposition"))
@@ -59,6 +60,7 @@ def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
     assert_same_centres(here, there, np.ones(3))
 
 
+@pytest.mark.slow
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:
     poses = with_gaps(recorded("left", "opposition", seed=7, n_frames=1200)[1])
     left = fit_hand([poses], layout, "left", settings=SHORT)
@@ -106,6 +108,7 @@ def moves_in_sd(fit: HandFit, second: HandFit, places: dict[str, tuple[Array, Ar
 ALL = ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "segment",
     [

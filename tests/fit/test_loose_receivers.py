@@ -47,6 +47,7 @@ def loose_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
     return [*displaced.loose]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("segment", "shift_mm", "turn_deg"),
     [
@@ -90,6 +91,7 @@ def beside_metal(poses: Poses, mm: float) -> tuple[Poses, Array]:
     return replace(poses, position_mm=there + away / distance * size, quaternion=turned), steel
 
 
+@pytest.mark.slow
 def test_metal_is_named_once_by_its_place(layout: Layout) -> None:
     """No receiver is called loose."""
     poses, steel = beside_metal(hand()[1], 10.0)

@@ -40,6 +40,7 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
     return replace(poses, position_mm=position, quaternion=quaternion)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("segment", "axis", "deg", "shift_mm", "first"),
     [
@@ -58,6 +59,7 @@ def test_a_moved_receiver_is_named_with_shift_rotation_and_frame(
     assert receiver.turn_deg == pytest.approx(deg, abs=3.0)
 
 
+@pytest.mark.slow
 def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> None:
     tips = fingertips(fitted())
     poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))

@@ -47,6 +47,7 @@ def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
     return errors
 
 
+@pytest.mark.slow
 @HANDS
 @SIDES
 def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
@@ -61,6 +62,7 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
         assert np.linalg.norm(back[row] - front[row], axis=-1).max() < np.hypot(*sd_mm)
 
 
+@pytest.mark.slow
 @SIDES
 def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> None:
     """Angles of the same motion, seen by a receiver on the back of the hand's side and on the nail's."""

@@ -54,6 +54,7 @@ def test_what_lies_between_two_receivers_is_measured(gone: tuple[str, ...], join
 FINGER = {"joints": ("cmc", "mcp", "pip", "dip"), "bones": ("metacarpal", "proximal", "middle", "distal")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("side", "gone", "since"),
     [("right", LITTLE, 0), ("right", ("little_distal",), 0), ("right", LITTLE, 20), ("left", LITTLE, 20)],

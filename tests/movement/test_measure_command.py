@@ -27,6 +27,8 @@ from shukotsu.tables.catalogue import CLOCKS, EVENTS, TABLES
 from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_table, rows_of, write_table
 
 N_FRAMES, SEED, TASK = 1500, 4, "opposition"
+pytestmark = pytest.mark.slow
+
 FINGERS = ("index", "middle", "ring", "little")
 ANGLES = ("flexion", "abduction", "rotation")
 LAYOUT = read_layout("liberty16")

@@ -99,6 +99,7 @@ def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
         assert f"`*{endings[0]}`" in page or f"`{endings[0]}`" in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVENTS)
 @settings(max_examples=20, deadline=None)
 @given(share=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())

@@ -147,6 +147,7 @@ def test_a_verdict_is_of_all_that_is_said_of_two_levels_at_once(tmp_path: Path) 
     assert both["p"].equals(both["p_all"])
 
 
+@pytest.mark.slow
 def test_what_changes_between_sessions_is_in_their_repeatability(tmp_path: Path) -> None:
     rows = drawn.recordings(6, ("1", "2"), trials=2)
     rows = [row | {"drug": "yes" if row["session"] == "2" else "no", "tempo": row["trial"]} for row in rows]

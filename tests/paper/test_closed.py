@@ -130,6 +130,7 @@ def solved_with_noise(seed: int, off_axis_rad: float = 0.0) -> tuple[JointSoluti
     return solve_closed(moments_of(chain, noisy), 0, 6 if off_axis_rad else 5), chain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off_axis_rad", [0.0, 0.4])
 def test_covariance_is_what_repeated_noise_gives(off_axis_rad: float) -> None:
     """With white noise the covariance predicts the scatter of 200 repetitions within 20 % per direction."""

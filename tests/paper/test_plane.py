@@ -100,6 +100,7 @@ def test_what_speaks_against_a_centre_is_noted() -> None:
     assert "axis-near-plane" in doubts_of(near)
 
 
+@pytest.mark.slow
 def test_sd_predicts_the_scatter_of_placed_centres() -> None:
     """Over 200 repetitions with white noise, the placed centre scatters by what sd_mm says."""
     chain = random_chain(3, 2, 400, range_rad=0.5)
@@ -126,6 +127,7 @@ def test_a_model_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
 HAND = read_layout("liberty16")
 
 
+@pytest.mark.slow
 def test_skin_in_step_with_a_hinge_moves_its_solved_centre_by_what_is_stated() -> None:
     """Both receivers slide at random, 2 mm per rad each way, over 300 trials."""
     chain = random_chain(5, 2, 200, range_rad=0.15)

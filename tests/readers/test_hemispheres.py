@@ -96,6 +96,7 @@ def test_a_hand_that_is_on_the_other_side_all_along_is_put_back(side: float) -> 
     assert {*np.unique(flags)} == ({""} if side > 0 else {"hemisphere-repaired"})
 
 
+@pytest.mark.slow
 def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -72,6 +72,7 @@ def test_every_link_leads_to_a_file_or_anchor(pages: dict[Path, str], results: S
         assert ({*pages, *shown} - {study} if path == study else {study}) <= others
 
 
+@pytest.mark.slow
 def test_hostile_names_are_text(tmp_path: Path) -> None:
     name = "<script>alert(1)</script> 手 ' \" </svg><img src=x onerror=y>"
     studies = (
@@ -144,6 +145,7 @@ def test_a_study_without_a_usable_recording_has_a_page_with_reasons(tmp_path: Pa
     assert all(f"{name}-right.csv" in text for name in ("S01", path_token(HOSTILE)))
 
 
+@pytest.mark.slow
 def test_a_study_whose_joints_all_failed_has_a_page(fitted_study: MadeStudy) -> None:
     gone = {**UNJUDGED, **dict.fromkeys(c.name for c in JOINT_CENTRES.columns if c.nullable)}
     gone |= {"status": "failed", "message": "no frames"}
@@ -179,6 +181,7 @@ def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
         assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]
 
 
+@pytest.mark.slow
 def test_the_command_writes_one_page_or_why_there_is_none(
     study: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ def hostile(tmp_path: Path) -> MadeStudy:
     return make_study(tmp_path / "made", n_frames=4, models=("whole-hand",), subjects=(HOSTILE,))
 
 
+@pytest.mark.slow
 def test_the_pages_are_written_or_a_sentence_says_why_not(
     hostile: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -53,6 +53,7 @@ def _places(text: str) -> set[str]:
     return {a or b for a, b in re.findall(r"\{(\w*)(?::[^}]*)?\}|%\((\w+)\)s", text)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", OTHERS)
 def test_every_text_has_a_translation_and_every_translation_a_text(code: str) -> None:
     """With the placeholders of its text and no markup."""
@@ -140,6 +141,7 @@ def _english_left(page: str) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_nothing_of_a_japanese_report_is_left_in_english(fitted_study: MadeStudy) -> None:
     with speaking("ja"):
         pages = [*MadeStudy(fitted_study.file, fitted_study.folder).pages.values()]
@@ -163,6 +165,7 @@ def test_where_no_font_writes_the_language_only_figures_for_print_are_english(
         assert style.label("関節\0") == "関節\\x00"
 
 
+@pytest.mark.slow
 def test_marks_beside_japanese_letters_are_full_width(fitted_study: MadeStudy) -> None:
     """On pages and in captions; entities of HTML, and what is between Latin letters, stay as they are."""
     with speaking("ja"):

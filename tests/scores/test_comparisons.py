@@ -180,6 +180,7 @@ def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResult
     assert both[1] == pytest.approx(both[0] + 100.0)
 
 
+@pytest.mark.slow
 def test_tables_are_written_and_a_suspect_hand_is_in_none(study: MadeStudy, tmp_path: Path) -> None:
     """By the stage: with a finding against a hand of the subject, what is left are the other's recordings."""
     results = Results(Path(shutil.copytree(study.folder, tmp_path / "results")))

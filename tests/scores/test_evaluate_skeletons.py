@@ -18,6 +18,8 @@ from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCOR
 from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.tables.typed_table import Provenance, read_table, rows_of
 
+pytestmark = pytest.mark.slow
+
 LAYOUT = read_layout("liberty16")
 DIGITS = tuple(LAYOUT.digits)
 TIP = ["tip_x_mm", "tip_y_mm", "tip_z_mm"]

@@ -26,6 +26,7 @@ def pad_distances_mm(simulated: Simulated) -> np.ndarray:
     return np.linalg.norm(pads[:, 1:] - pads[:, :1], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anatomy", ANATOMIES)
 def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) -> None:
     """Bones of some thirty people: about as long as those of their source, or within those of all sources."""

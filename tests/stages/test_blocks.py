@@ -28,6 +28,7 @@ def tables(subject: PlannedSubject, out: Path) -> dict[str, pa.Table]:
     return {file.name: pq.read_table(file) for file in files}
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_size_of_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["paper-fig4"], n_frames=90)
     out = tmp_path / "out"

@@ -8,6 +8,7 @@ import pytest
 from shukotsu.study.stated_error import BALL_95, halves_mm2, is_within_95, radius_95_mm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sds", [(1.0, 1.0, 1.0), (3.0, 1.0, 1.0), (3.0, 3.0, 1.0), (4.0, 0.5, 0.1)])
 def test_95_percent_are_inside_whatever_its_shape(sds: tuple[float, ...]) -> None:
     """A fixed 1.614 sd holds 91 % of errors that are three times as large one way."""

@@ -141,6 +141,7 @@ def silently_other(path: Path, bits: Iterable[int]) -> list[int]:
     return other
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_gives_another_row(tmp_path: Path) -> None:
     path = written(tmp_path / "a.arrows")
     bits = random.Random(1).sample(range(8 * path.stat().st_size), 700)

@@ -85,6 +85,7 @@ def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(
     assert warnings == ([] if obeys else ["receiver 2: cannot be switched on; not recorded"])
 
 
+@pytest.mark.slow
 def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = SerialPort.read
 

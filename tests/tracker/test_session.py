@@ -102,6 +102,7 @@ def error_line(stderr: str) -> str:
     return line
 
 
+@pytest.mark.slow
 def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys, monkeypatch) -> None:
     """Nothing is lost; the archive says all that is needed to read it alone."""
     monkeypatch.setattr(session, "LOOK_S", 0.2)

@@ -70,6 +70,7 @@ def drawings(twelve: StudyResults, fitted_study: MadeStudy) -> dict[str, Drawing
     return {drawing.name: drawing for drawing in of_study(twelve, fitted_study.study)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "labels"),
     [
@@ -132,6 +133,7 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
     assert "Tip error [mm]" in texts(svg)
 
 
+@pytest.mark.slow
 def test_a_failure_is_a_sentence_or_is_drawn(
     study: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
