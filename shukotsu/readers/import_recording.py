@@ -1,4 +1,4 @@
-"""Import of a recording's file into its poses table, with options of a command line."""
+"""Import a recording's file into a poses table: command-line options and the import itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 _DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
-"""Keys of a mapping that say what its numbers are, for the checks."""
+"""Keys of a mapping that describe its numbers; stored in the table for the checks."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -54,10 +54,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
-    """Return the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
+    """Return the reader of the mapping's format, else of the named one, or for "auto" of the file's ending.
 
-    The recording comes part by part, at least one; what a part notes is of the whole recording.
-    Raises InputError where the ending is none that is known, or is one that needs a mapping.
+    The reader yields a recording in one or more parts; a part's notes are about the whole recording. Raises
+    InputError if the ending is unknown or that of a format that needs a mapping.
     """
     from shukotsu.readers.samples import Samples
     from shukotsu.tables.text_files import open_text
@@ -68,7 +68,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     else:
         named = format_of(path) if name == AUTO else FORMATS[name]
         if named is None or named.needs_mapping:
-            with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
+            with suppress(OSError), open_text(path):  # a spreadsheet or pipe raises a more specific error
                 pass
             endings = ", ".join(ending for name in UNMAPPED for ending in FORMATS[name].endings)
             raise InputError(
@@ -87,7 +87,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
 
 
 def import_recording(arguments: argparse.Namespace) -> None:
-    """Read the recording, check it, write the table; notes on what is not there go to stderr."""
+    """Read a recording, check it and write its poses table; notes go to stderr."""
     from shukotsu.errors import reading_what_was_brought
     from shukotsu.readers.hemispheres import expected_joints
     from shukotsu.readers.poses_table import poses_table
@@ -115,7 +115,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     table = poses_table(parts(), parents, folder, expected_mm=expected_mm, repair_hemisphere=repair)
     with closing(table) as poses:
         remarks = join_samples(parts_without_rows)
-        # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
+        # Segments that a mapping does not mention carried no receiver, so they are not reported as absent.
         seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
         worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
         absent = [s for s in layout.expected if s in worn and s not in seen]
@@ -145,14 +145,17 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
 
 def import_for_the_moment(file: Path, layout: str, hand: str, out: Path, *more: str) -> None:
-    """Import a recording of whomever, to look at its poses; more : options. InputError as in any import."""
+    """Import a recording of an unnamed subject, only to inspect its poses. Raises InputError as any import.
+
+    more : additional command-line options.
+    """
     which = [f"--in={file}", f"--layout={layout}", f"--hand={hand}", f"--out={out}"]
-    silent = [*which, "--subject=-", "--task=-", "--record-failure"]  # leaves findings to who asks
+    silent = [*which, "--subject=-", "--task=-", "--record-failure"]  # the caller reports findings
     import_recording(build_parser().parse_args([*silent, *more]))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write the table without rows and the reason, the recording named without its folder."""
+    """Write the table without rows, with the reason; the recording is named without its folder."""
     from shukotsu.tables.catalogue import POSES
     from shukotsu.tables.typed_table import Provenance, write_failure
 

@@ -117,7 +117,7 @@ def test_two_recordings_in_one_file_are_refused() -> None:
     moved = (9.0, *GOOD[1:])
     rows = [(name, frame, 0, GOOD) for frame in range(40) for name in ("hand", "thumb")]
     again = [(name, frame, 0, moved) for frame in range(10) for name in ("hand", "thumb")]
-    with pytest.raises(InputError, match=r"line 82: frame 0 of receiver hand stands twice with different"):
+    with pytest.raises(InputError, match=r"line 82: frame 0 of receiver hand occurs twice with different"):
         table_of(samples_of(*rows, *again))
     table = table_of(samples_of(*rows, *again[:18], *again[:2]))
     assert table.usable == (31, 31)
