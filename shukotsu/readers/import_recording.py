@@ -28,7 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command and of the stage."""
     parser = command_line.parser(
         "shukotsu import",
-        "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
+        "Import a recording as a poses table: check units and frames, keep gaps and name their causes.",
         "shukotsu import --in rom.csv --layout liberty16 --subject 01 --hand right "
         "--task rom --out poses.parquet",
         records_failure=True,
@@ -36,20 +36,20 @@ def build_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--in", dest="file", type=Path, required=True, help="the recording")
     add("--out", type=Path, required=True, help="the poses table to write")
-    add("--format", choices=(AUTO, *UNMAPPED), default=AUTO, help="auto goes by the ending")
-    add("--mapping", type=Path, help="how to read a file that is not this project's own (docs/mappings.md)")
+    add("--format", choices=(AUTO, *UNMAPPED), default=AUTO, help="format of the file; auto: by its ending")
+    add("--mapping", type=Path, help="mapping that describes another program's file (docs/mappings.md)")
     add(
         "--repair-hemisphere",
         action="store_true",
-        help="put back positions that are on the other side of the transmitter, at times or all along; "
-        "without it those that jumped are gaps",
+        help="put back positions that are on the wrong side of the transmitter, at times or throughout; "
+        "without it, those that jumped become gaps",
     )
-    add("--layout", required=True, help="a layout that ships, or a path")
-    add("--subject", required=True, help="whose hand it is")
-    add("--session", default="", help="which session, where receivers were taken off and put on anew")
+    add("--layout", required=True, help="name of a shipped layout, or a path")
+    add("--subject", required=True, help="whose hand was recorded")
+    add("--session", default="", help="session, if receivers were taken off and put on again")
     add("--hand", required=True, choices=("right", "left"), help="which hand")
-    add("--task", required=True, help="what was done")
-    add("--trial", default="", help="which repetition, where there are several")
+    add("--task", required=True, help="task that was recorded")
+    add("--trial", default="", help="number of the repetition, if there are several")
     return parser
 
 

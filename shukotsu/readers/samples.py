@@ -116,12 +116,8 @@ def unwrapped_frames(
         if timed and np.isfinite(other_s).all():  # it may start late, or miss a whole cycle of the counter
             turns = np.rint((np.interp(other_s, time_s, counted) - other) / size).astype(np.int64)
         out.append(other + size * turns)
-    times = full.sum()
-    return (
-        out,
-        f"the frame counter restarts after {size - 1}, {count_of(times, 'time')}; frame numbers are "
-        f"continued",
-    )
+    times = count_of(full.sum(), "time")
+    return out, f"the frame counter restarts after {size - 1}, {times}; frame numbers are continued"
 
 
 def segments_of_names(

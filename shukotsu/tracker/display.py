@@ -162,8 +162,7 @@ def arithmetic(settings: StreamSettings, baud: int) -> str:
     count, need = len(settings.stations), needed_bytes_per_s(settings)
     return (
         f"{count_of(count, 'receiver')} x {need / settings.rate_hz / count:.4g} bytes x "
-        f"{settings.rate_hz:g} Hz = "
-        f"{need:.0f} bytes/s, and {baud} baud carries {baud / BITS_PER_BYTE:.0f}"
+        f"{settings.rate_hz:g} Hz = {need:.0f} bytes/s, and {baud} baud carries {baud / BITS_PER_BYTE:.0f}"
     )
 
 

@@ -57,11 +57,11 @@ class Port(ABC):
 
     @abstractmethod
     def read(self) -> bytes:
-        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        """Return the bytes received; wait at most WAIT_S for the first one. Raises PortGoneError."""
 
     @abstractmethod
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises PortGoneError."""
+        """Send all bytes. Raises PortGoneError."""
 
     @abstractmethod
     def close(self) -> None:
@@ -88,7 +88,7 @@ class SerialPort(Port):
         super().set_baud(baud)
 
     def read(self) -> bytes:
-        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        """Return the bytes received; wait at most WAIT_S for the first one. Raises PortGoneError."""
         try:
             if self._descriptor is None:
                 return bytes(self._device.read(_READ_BYTES))
@@ -106,7 +106,7 @@ class SerialPort(Port):
         return data
 
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises PortGoneError."""
+        """Send all bytes. Raises PortGoneError."""
         try:
             self._device.write(data)
         except (OSError, serial.SerialException) as error:
@@ -176,7 +176,7 @@ class UsbPort(Port):
         return device, tracker.endpoints
 
     def read(self) -> bytes:
-        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        """Return the bytes received; wait at most WAIT_S for the first one. Raises PortGoneError."""
         try:
             return bytes(self._handle.bulkRead(self._in, READ_BYTES, round(1000 * WAIT_S)))
         except self._usb.USBErrorTimeout as error:
@@ -185,7 +185,7 @@ class UsbPort(Port):
             raise PortGoneError(f"it was unplugged or switched off: {error}") from error
 
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises PortGoneError."""
+        """Send all bytes. Raises PortGoneError."""
         try:
             while data:
                 data = data[self._handle.bulkWrite(self._out, data, round(1000 * WRITE_S)) :]

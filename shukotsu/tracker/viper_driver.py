@@ -44,10 +44,10 @@ class ViperDriver(TrackerDriver):
         for key, payload in wanted.items():
             if not _same(key, after[key], payload):
                 self._require(_name(key), after[key].hex(), payload.hex())
-        none, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
+        unturned, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
         for station in stations:
             payload = self._ask(GET, (BORESIGHT, station - 1, 0)) or b""
-            turned += [str(station)] if len(payload) == 16 and payload not in none else []
+            turned += [str(station)] if len(payload) == 16 and payload not in unturned else []
         if turned:
             self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
         named = [{_name(key): data.hex() for key, data in values.items()} for values in (before, after)]

@@ -444,8 +444,7 @@ def _of_rotation(
     if odd or not ratio:
         raise InputError(
             f"{file.path}: has {count_of(len(file.matrices), 'rotation')} for "
-            f"{count_of(file.frames, 'frame')}; "
-            "expected a multiple of the number of frames"
+            f"{count_of(file.frames, 'frame')}; expected a multiple of the number of frames"
         )
     matrices = file.matrices[window * ratio, column]
     rotation = proper_rotations(

@@ -65,9 +65,7 @@ def framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[
         sentence, share = _ambiguity(keys_s, frames)
         (losses if doubt or share > _DOUBTFUL else notes).append(sentence + doubt)
     if lost := sum(len(track.row) for track in tracks.values()) - sum(map(len, keys_s)):
-        losses.append(
-            f"{count_of(lost, 'row', 'are')} left out: without a plausible time their frame is unknown"
-        )
+        losses.append(f"{count_of(lost, 'row', 'are')} left out: without a plausible time no frame is known")
     number = np.unique(np.concatenate(frames), return_inverse=True)[1]
     parts = np.split(number, np.cumsum([len(frame) for frame in frames])[:-1])
     pairs = zip(timed.items(), parts, strict=True)
@@ -182,10 +180,9 @@ def _ambiguity(keys_s: Sequence[Array], frames: Sequence[Integers]) -> tuple[str
     nearer = int((np.abs(off_s) > step_s / 2).sum())
     sentence = (
         f"rows have no frame number, and times scatter by {1e3 * scatter_s:.2g} ms about frames that are "
-        f"{1e3 * step_s:.3g} ms apart: {nearer} of {count_of(len(every_s), 'row', 'are')} nearer to "
-        f"another frame than to "
-        f"their own, and were placed by the order of their receiver's rows; about {doubtful:.0f} may be a "
-        f"frame off"
+        f"{1e3 * step_s:.3g} ms apart: {nearer} of {count_of(len(every_s), 'row', 'are')} nearer to another "
+        f"frame than to their own, and were placed by the order of their receiver's rows; about "
+        f"{doubtful:.0f} may be a frame off"
     )
     return sentence, doubtful / len(every_s)
 

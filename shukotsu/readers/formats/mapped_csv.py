@@ -153,8 +153,8 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
         low = ~(quality <= mapping.details.get("quality_above", np.inf))  # True for an empty cell (NaN), too
         low |= quality < mapping.details.get("quality_below", -np.inf)
     numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
-    none = np.full(len(rows), np.nan)
-    return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low})
+    unknown_s = np.full(len(rows), np.nan)
+    return Track(rows, every[: len(rows)], unknown_s, numbers, {"low-quality": low})
 
 
 def _times(
@@ -212,10 +212,9 @@ def _in_step(
         if len(set(counts.values())) > 1:
             least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
             raise InputError(
-                f"{path}: has {count_of(counts[most], 'row')} of {most} and {counts[least]} of "
-                f"{least}; which of them belong "
-                f"together only a frame or a time column can show: name it as `frame` or `time` in "
-                f"{mapping.where}, or set in_step: false"
+                f"{path}: has {count_of(counts[most], 'row')} of {most} and {counts[least]} of {least}; only "
+                "a frame or time column can show which of them belong together: name it as `frame` or `time` "
+                f"in {mapping.where}, or set in_step: false"
             )
     start = 0 if frames is None else int(frames.min())
     placed = []

@@ -88,11 +88,12 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
     if not values:
         raise InputError(f"{path}: its header has no transforms; expected {EXPECTED}")
     check_expansion(path, 16 * 8 * len(frames) * len(values), lambda: "its transforms hardly share a frame")
-    none = np.full((4, 4), np.nan)
+    missing = np.full((4, 4), np.nan)
     transforms = {
-        name: np.stack([by_frame.get(frame, none) for frame in frames]) for name, by_frame in values.items()
+        name: np.stack([by_frame.get(frame, missing) for frame in frames])
+        for name, by_frame in values.items()
     }
-    return transforms, np.array([times.get(frame, none[0])[0] for frame in frames])
+    return transforms, np.array([times.get(frame, missing[0])[0] for frame in frames])
 
 
 def _header(path: Path) -> Iterator[bytes]:

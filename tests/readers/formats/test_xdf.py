@@ -115,8 +115,8 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "is no XDF file"),
-        (b"PK\x03\x04", "is no XDF file"),
+        (b"", "is not an XDF file"),
+        (b"PK\x03\x04", "is not an XDF file"),
         (xdf_of(), "has no stream of type MoCap; it has no stream at all"),
         (file_of(xdf_header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7]), r"it has cap \(EEG\)"),
         (file_of(xdf_header(TWO), TIMES[:0], VALUES[:0]), "has no samples"),
