@@ -29,7 +29,7 @@ from shukotsu.tables.limits import SECONDS_PER_UNIT
 from shukotsu.tables.poses import Poses
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
-"""A recording below the first two is suspect; one with fewer than NO_FRAMES frames is refused."""
+"""A recording below either of the first two is suspect; one with fewer than NO_FRAMES frames is refused."""
 OPEN_GAP_MM = 15.0
 """Median joint gap above which a recording whose poses jump about is refused."""
 MANY_REPEATED = 0.4
@@ -110,7 +110,7 @@ def check_recording(
         angles = Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})
         return CheckedRecording((*broken, angles), poses_digest(poses), None, None)
     findings, search = _findings_of_hypotheses(line, poses.frame, body, layout, segments, hand, declared)
-    if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
+    if "hemisphere-undecided" in (left_out or {}):  # the import could not decide, so a repair would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
     dead = np.isfinite(ends).all((0, 2)) & (ends[0] == ends[-1]).all(-1) & ~poses.valid.any(0)

@@ -64,7 +64,7 @@ def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
-    """Return how many poses have each flag in LEFT_OUT that there is, by segment."""
+    """Return the number of poses with each flag of LEFT_OUT that occurs, by segment."""
     flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
     for rows in read_row_groups(path, POSES, ["segment", "flags"]):
         for flag, counts in flagged.items():
@@ -73,9 +73,11 @@ def _left_out(path: Path) -> dict[str, Counter[str]]:
 
 
 def check_subject(plan: SubjectPlan, arguments: Namespace) -> list[tuple[Recording, CheckedRecording]]:
-    """Check a subject's recordings, each alone and all against each other; one that cannot be has a note.
+    """Check a subject's recordings, each one alone and against each other.
 
-    arguments : of a command line: stage, record_failure.
+    A recording that cannot be checked gets a note instead.
+
+    arguments : command-line arguments `stage` and `record_failure`.
     """
     recordings = [r for r in plan.recordings if not r.exclude and usable_poses([plan.poses(r)])[0]]
     checked = [_check_recording(plan, recording, arguments) for recording in recordings]

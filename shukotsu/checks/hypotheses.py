@@ -167,7 +167,7 @@ def _undo_quaternion_change(
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
     """Yield other orders of quaternions and the inverse rotation, as far as the kind of file allows them."""
     declared = recorded.declared
-    rotates = SENSES[declared.rotates == SENSES[0]]
+    rotates = SENSES[1] if declared.rotates == SENSES[0] else SENSES[0]
     for order in ORDERS if declared.kind == "quaternion" else ():
         if order == declared.order:
             continue
@@ -176,7 +176,8 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
         read, true = ", ".join(declared.order), ", ".join(order)
         values = {"read": read, "true": true, "order": order, "rotates": rotates, "anew": anew}
         usual = order in CYCLIC_ORDERS
-        for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE))[: 1 + usual]:
+        variants = [("order", np.ones(4)), ("inverse-too", INVERSE)] if usual else [("order", np.ones(4))]
+        for variant, sign in variants:
 
             def reordered(q: Array, columns: list[int] = columns, sign: Array = sign) -> Array:
                 return q[..., columns] * sign
@@ -360,7 +361,8 @@ def _cube_turns() -> Array:
     """Return the rotation matrices (23, 3, 3) of a cube's symmetries: quarter, half and third turns."""
     whole = np.array([*product((1.0, 0.0, -1.0), repeat=4)])
     parts = (whole != 0).sum(1)
-    first = np.take_along_axis(whole, (whole != 0).argmax(1)[:, None], 1)[:, 0]  # q and -q are one
+    # q and -q are the same rotation, so the first component that is not 0 must be positive
+    first = np.take_along_axis(whole, (whole != 0).argmax(1)[:, None], 1)[:, 0]
     kept = (first > 0) & np.isin(parts, (1, 2, 4)) & whole[:, 1:].any(1)
     return matrix(whole[kept] / np.sqrt(parts[kept])[:, None]).round() + 0.0
 

@@ -116,28 +116,28 @@ class Estimate:
         return [name for name, row in self.rows.items() if row["verdict"] != BELIEVE]
 
 
-def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
+def estimate(coached: CoachedHand, poses: Poses) -> Estimate:
     """Fit the hand to all frames. Raises InputError if there are too few, or if they are not of a hand."""
     if len(poses.frame) < LEAST_FRAMES:
         raise InputError(
             f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
         )
-    fitting = whose.model.fitting
+    fitting = coached.model.fitting
     assert fitting is not None
     try:
         fit = fit_hand(
             [poses],
-            whose.layout,
-            whose.hand,
-            **whose.sizes_mm,
-            measurements=whose.measurements,
+            coached.layout,
+            coached.hand,
+            **coached.sizes_mm,
+            measurements=coached.measurements,
             settings=FitSettings(min(MOST_FITTED, fitting.frames), fitting.steps),
         )
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
     rows = {
-        row["joint"]: judged_joint(row, whose.layout.wanted_mm)
+        row["joint"]: judged_joint(row, coached.layout.wanted_mm)
         for row in joint_rows(fit)
         if row["joint"] in fit.joints
     }

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -202,7 +203,7 @@ def _settle(
         if not any(unsure):
             continue
         pair = _pair(receivers[parent], poses(parent), receivers[child], poses(child), 10**9)
-        signs = np.array([(x, y) for x in (1, -1)[: 1 + unsure[0]] for y in (1, -1)[: 1 + unsure[1]]])
+        signs = np.array(list(product(*((1, -1) if several else (1,) for several in unsure))))
         link = _Link.of(pair, signs)
         centre = link.centre()
         if centre is None:

@@ -119,19 +119,17 @@ def import_recording(arguments: argparse.Namespace) -> None:
         seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
         worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
         absent = [s for s in layout.expected if s in worn and s not in seen]
-        said = [*remarks.notes, *poses.notes]
-        notes = list(said)
+        stored_notes = [*remarks.notes, *poses.notes]
+        notes = list(stored_notes)
         if absent:
-            notes.append(
-                f"no pose of {', '.join(absent)} ({len(absent)} of "
-                f"{count_of(len(layout.measured), 'segment')})"
-            )
+            segments = count_of(len(layout.measured), "segment")
+            notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {segments})")
         notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
         for note in notes:
             print(f"note: {arguments.file}: {note}", file=sys.stderr)
         inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
         inputs += [] if arguments.mapping is None else [arguments.mapping]
-        parameters = {**_parameters(arguments, layout.name, absent), "notes": said}
+        parameters = {**_parameters(arguments, layout.name, absent), "notes": stored_notes}
         parameters["unmapped"] = [s for s in layout.expected if s not in worn]
         if mapping is not None:
             declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}

@@ -386,9 +386,9 @@ class _Recording:
 
 def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
     """Return whether poses are relative to this receiver: its pose is the identity and its parent is near."""
-    rows, beside = file.rows(), parent.rows()
+    rows, parent_rows = file.rows(), parent.rows()
     numbers = rows["numbers"][_complete(rows)][0]
-    apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
+    apart_mm = np.linalg.norm(parent_rows["numbers"][_usable(parent_rows), :3], axis=-1)
     at_zero = np.allclose(np.abs(numbers), [0, 0, 0, 1, 0, 0, 0], atol=1e-6)
     return bool(at_zero and len(apart_mm) and np.median(apart_mm) < BESIDE_MM)
 
@@ -457,7 +457,7 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
     numbers = rows["numbers"]
     numbers[~np.isfinite(numbers).all(-1)] = np.nan
     w, x, y, z = numbers[:, 3:].T
-    with np.errstate(over="ignore"):  # a number near 1e300 is refused with the norm inf
+    with np.errstate(over="ignore"):  # near 1e300 the norm overflows to inf, which is refused
         norm = np.sqrt(w * w + x * x + y * y + z * z)
     bad = np.abs(norm - 1) > NORM_TOLERANCE + 1e-12  # False for NaN; 1e-12: rounding of the norm
     spoilt = bad & ((rows["flags"] & _INVALIDATING) != 0)
@@ -524,7 +524,7 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
         if norm == 0:
             raise InputError(
                 f"{row}: the quaternion is all zeros{more}; expected norm 1; "
-                "zeros that stand for missing values must be left empty instead"
+                "zeros for missing values must be left empty instead"
             )
         raise InputError(
             f"{row}: the quaternion has norm {norm:.6g}{more}; expected 1 within "

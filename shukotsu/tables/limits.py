@@ -19,8 +19,8 @@ MEMORY_PER_BYTE, MEMORY_BYTES = 4, 300 * 10**6
 MOST_EXPANSION = 30
 """Largest expansion of a packed table, beyond MEMORY_BYTES.
 
-Recordings shrink to about a fifth; a file that expands more repeats one number for hours and measures
-nothing.
+Recordings shrink to about a fifth; a file that expands much more mostly repeats one number, so it is not a
+measurement.
 """
 
 CONFIG_BYTES = 2 * 10**6

@@ -44,9 +44,9 @@ def replacing(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         left = re.compile(re.escape(f".{stem}.") + r"\d+\.tmp")
         with suppress(OSError):  # if the folder is not writable, opening the file reports it
-            for beside in path.parent.iterdir():
-                if left.fullmatch(beside.name):
-                    beside.unlink(missing_ok=True)
+            for other in path.parent.iterdir():
+                if left.fullmatch(other.name):
+                    other.unlink(missing_ok=True)
         yield temporary
         _sync(temporary, os.O_RDWR)  # Windows syncs only files opened for writing
         temporary.replace(path)
@@ -80,8 +80,8 @@ def remedy_of(path: Path) -> str:
 
     In a study's results it can be removed and made again; elsewhere it may be an irreplaceable recording.
     """
-    beside = [folder / "plan.json" for folder in path.absolute().parents[:4]]
-    is_made = any(map(Path.is_file, (*beside, *path.absolute().parent.glob("sub-*/plan.json"))))
+    plans = [folder / "plan.json" for folder in path.absolute().parents[:4]]
+    is_made = any(map(Path.is_file, (*plans, *path.absolute().parent.glob("sub-*/plan.json"))))
     return "remove it and run the study again" if is_made else "name one that this program made"
 
 

@@ -22,8 +22,8 @@ class Receiver:
     """Current state of one receiver, in addition to the counts in `Losses`.
 
     margin : p . h / |p|, sine of the angle by which it is inside its hemisphere; NaN if the tracker follows
-    it or if it has no position. error, distortion, margin : of the newest records; the others : since the
-    start.
+    it or if it has no position. errors, worst_distortion, least_margin : since the start; the other fields :
+    of the newest records.
     """
 
     errors: int = 0
@@ -202,10 +202,10 @@ def state_line(statistics: Statistics, now: Mapping[str, Any], before: Mapping[s
     """Return the state of a recording as one line; now, before : totals now and at the previous line."""
     span_s, absent = now["seconds"] - before["seconds"], statistics.absent()
     present = {station: r for station, r in sorted(statistics.receivers.items()) if station not in absent}
-    rates, missing, troubles, nothing = list[float](), [0.0], list[str](), {"records": 0, "lost_frames": 0}
+    rates, missing, troubles, no_counts = list[float](), [0.0], list[str](), {"records": 0, "lost_frames": 0}
     for station, receiver in present.items():
-        counts, earlier = now["receivers"][str(station)], before["receivers"].get(str(station), nothing)
-        came, lost = (counts[name] - earlier[name] for name in nothing)
+        counts, earlier = now["receivers"][str(station)], before["receivers"].get(str(station), no_counts)
+        came, lost = (counts[name] - earlier[name] for name in no_counts)
         rates.append(came / span_s)
         missing.append(100 * lost / max(came + lost, 1))
         trouble = f"error {chr(receiver.error)}" if receiver.error else ""

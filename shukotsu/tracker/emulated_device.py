@@ -382,7 +382,8 @@ def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
         halves = [sum(1 << (s - 1) for s in numbers) for numbers in (device.active(), device.detected())]
         return device.reply(0x15, f"{halves[1]:04x}{halves[0]:04x}", struct.pack("<HH", *halves))
     stations = _stations(device, arguments) if code == b"\x15" else []
-    _count(arguments, *(2 * [{b"\x15": 2, b"Q": 1}.get(code, 0)]))
+    expected = {b"\x15": 2, b"Q": 1}.get(code, 0)
+    _count(arguments, expected, expected)
     if code == b"\x14":  # result of the built-in test: no fault
         words = 18 if device.ports > 8 else 9
         return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))

@@ -286,5 +286,5 @@ def port_lines(ports: Sequence[PortEntry], usb: Sequence[tuple[int, int]]) -> li
             lines += ["has no serial port yet. " + HINT.format(product=ids[1])]
         elif tracker.state == WANTS_FIRMWARE:
             lines += [WITHOUT_FIRMWARE]
-    nothing = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
-    return lines or nothing
+    no_device = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
+    return lines or no_device

@@ -333,7 +333,7 @@ class Losses:
         """Return the silence after the start and before the end in s; 0 if shorter than ABSENT_S."""
         first_ns, last_ns = (self.first_ns, self.all.host_ns) if self.cycles else (end_ns, end_ns)
         before_s, after_s = (first_ns - start_ns) * 1e-9, (end_ns - last_ns) * 1e-9
-        return before_s * (before_s > ABSENT_S), after_s * (after_s > ABSENT_S)
+        return before_s if before_s > ABSENT_S else 0.0, after_s if after_s > ABSENT_S else 0.0
 
     @property
     def newest_frame(self) -> int:

@@ -100,7 +100,7 @@ def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], fl
         ((1, 1, 0, 0), "norm 1.41421 .*expected 1 within 0.01; check the column order .*leave the row's"),
         ((0.98, 0, 0, 0), "norm 0.98"),
         ((1e200, 0, 0, 0), "norm inf"),
-        ((0, 0, 0, 0), "all zeros .*zeros that stand for missing values must be left empty"),
+        ((0, 0, 0, 0), "all zeros .*zeros for missing values must be left empty"),
     ],
 )
 def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], message: str) -> None:

@@ -307,7 +307,7 @@ def _check_parameters(path: Path, records: bytes, size: int) -> None:
     A record consists of the name's length, the group's number, the name and the offset of the next record. In
     a parameter's record (group number above 0) follow bytes per value, number of dimensions, and dimensions.
     """
-    order = ">H" if records[3:4] == b"\x56" else "<H"  # MIPS or SGI
+    order = ">H" if records[3:4] == b"\x56" else "<H"  # files of MIPS or SGI processors are big-endian
     at = 4
     while at + 2 < len(records) and records[at]:
         length, group = (abs(n) for n in struct.unpack_from("bb", records, at))
@@ -348,7 +348,8 @@ def open_c3d(path: Path) -> C3dFile:
     # without a usable frame count ezc3d reads to the end of the file, including the zeros that pad its last
     # block
     if not first <= last < _MOST_FRAMES:
-        points = points[: np.flatnonzero((points != 0).any((1, 2)))[-1:].sum() + 1]
+        filled = np.flatnonzero((points != 0).any((1, 2)))
+        points = points[: filled[-1] + 1 if len(filled) else 1]
     zeros = (points == 0).all(-1)
     counts = [last - first + 1 if last < _MOST_FRAMES else 0]
     counts += [int(count) for count in parameters["POINT"].get("LONG_FRAMES", {}).get("value", ())]
@@ -412,9 +413,8 @@ def _of_cluster(
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
     misfit, left = cluster.misfit_mm, cluster.residual_mm[np.isfinite(cluster.residual_mm)]
     note = (
-        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
-        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
-        f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {count_of(len(misfit), 'frame')}"
+        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual {np.sqrt(np.mean(left**2)):.2g} mm "
+        f"rms, {left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {count_of(len(misfit), 'frame')}"
     )
     odd = misfit > mapping.details["misfit_mm"]
     if not odd.any():

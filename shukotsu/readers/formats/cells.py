@@ -222,6 +222,6 @@ def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:
 
 def _trim(text: pa.Array, empty: Sequence[str]) -> pa.Array:
     bare = pc.utf8_trim_whitespace(text)
-    nothing = pc.match_substring_regex(bare, f"^({NO_VALUE})$", ignore_case=True)
-    nothing = pc.or_(nothing, pc.is_in(bare, pa.array(empty, pa.string())))
-    return pc.if_else(nothing, pa.scalar(None, pa.string()), bare)
+    is_empty = pc.match_substring_regex(bare, f"^({NO_VALUE})$", ignore_case=True)
+    is_empty = pc.or_(is_empty, pc.is_in(bare, pa.array(empty, pa.string())))
+    return pc.if_else(is_empty, pa.scalar(None, pa.string()), bare)

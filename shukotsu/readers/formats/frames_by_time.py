@@ -172,9 +172,10 @@ def _ambiguity(keys_s: Sequence[Array], frames: Sequence[Integers]) -> tuple[str
     off = np.split(every_s - centre_s[frame], np.cumsum([len(key_s) for key_s in keys_s])[:-1])
     off_s = np.concatenate([part - np.median(part) if len(part) else part for part in off])
     scatter_s = math.sqrt(float(off_s @ off_s) / max(1, len(off_s) - len(count)))
-    # Ambiguous are: consecutive rows that may be swapped, if no receiver's times ever go back; and which row
-    # was lost.
-    swapped = all((np.diff(key_s) >= 0).all() for key_s in keys_s) * math.erfc(step_s / (2 * scatter_s))
+    # Two kinds of rows are doubtful: consecutive ones that may have been swapped, unless times ever go back,
+    # which shows that rows are in their true order; and the neighbours of lost rows.
+    are_sorted = all((np.diff(key_s) >= 0).all() for key_s in keys_s)
+    swapped = math.erfc(step_s / (2 * scatter_s)) if are_sorted else 0.0
     lost = len(count) * sum(len(key_s) > 0 for key_s in keys_s) - len(every_s)
     doubtful = min(len(every_s), len(every_s) * swapped + lost * 2.5 * (scatter_s / step_s) ** 2)
     nearer = int((np.abs(off_s) > step_s / 2).sum())

@@ -280,8 +280,8 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
         placed.append(replace(new, frame=frame).take(kept))
         notes.append(
             f"segment {segment}: {count_of(len(at), 'new value')} in "
-            f"{count_of(len(tracks[segment].row), 'row')}; "
-            f"{len(at) - len(kept)} left out because another was nearer to the same frame of {rate_hz:g} Hz"
+            f"{count_of(len(tracks[segment].row), 'row')}; {len(at) - len(kept)} left out because another "
+            f"was nearer to the same frame of {rate_hz:g} Hz"
         )
         if lost := len(timed[segment].row) - len(at):
             notes.append(

@@ -82,7 +82,7 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
             what = "16 numbers" if name else "a time"
             raise InputError(f"{path}: line {number}: expected {what}") from None
         by_frame = values.setdefault(name, {})
-        by_frame[frame] = numbers + 0 * by_frame.get(frame, 0.0)  # NaN stays
+        by_frame[frame] = numbers + 0 * by_frame.get(frame, 0.0)  # stays NaN if the status was not OK
     frames = sorted(set[int]().union(*values.values()))
     times = values.pop("", {})
     if not values:

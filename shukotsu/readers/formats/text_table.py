@@ -152,7 +152,8 @@ class TextTable:
             if letters + (first.start() if first else len(piece)) > LINE_LETTERS:
                 raise InputError(f"{self.path}: line {line}: has more than {LINE_LETTERS} letters")
             last = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
-            letters, line = len(piece) - last - 1 + letters * (last < 0), line + piece.count(b"\n")
+            letters = letters + len(piece) if last < 0 else len(piece) - last - 1
+            line += piece.count(b"\n")
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Return an iterator over all non-empty rows, each with the number of its (last) line."""
@@ -269,9 +270,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     # either the header or the other rows may end in a separator
     names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
     names = [name.strip() for name in names[:width]]
-    expected = (
-        f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
-    )
+    expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter than in the mapping)"
     header = names if details["header"] else map(str, range(1, len(names) + 1))
     return TextTable(
         path,

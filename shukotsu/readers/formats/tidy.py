@@ -103,7 +103,7 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
                 f"`shukotsu inspect {path}` shows how to read it as it is"
             )
         lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
-        do = "; column names are written in lower case" * lower
+        do = "; column names are written in lower case" if lower else ""
         do += f"; `shukotsu inspect {path}` shows how to read another table as it is"
         present = list_names([name for name in header if name])
         raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")

@@ -39,7 +39,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     stream = _chosen_stream(path, mapping)
     where = f"{path}: stream {stream.name}"
     if stream.format not in NUMBERS:
-        raise InputError(f"{where}: holds {stream.format or 'no format'}; expected numbers")
+        raise InputError(f"{where}: has format {stream.format or 'none'}; expected numbers")
     read = load_stream(path, stream)
     if len(read.channels) != stream.channel_count:
         raise InputError(

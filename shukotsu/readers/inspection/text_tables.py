@@ -167,7 +167,7 @@ FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 MOST_LINES = 16
 """With more receivers than this, positions and angles are each summarised in one line."""
 REPEATED_SHARE = 0.2
-"""Share of rows that repeat the one before, above which receivers are not in step with the rows."""
+"""Share of rows that repeat the previous one, above which receivers are not in step with the rows."""
 
 
 @dataclass(frozen=True)
@@ -402,7 +402,7 @@ def _receivers(
     for index, (position, turning) in enumerate(pairs):
         columns: dict[str, Any] = {"position": _columns(position)}
         columns |= {"orientation": _columns(turning)} if turning else {}
-        if len(roles.quality) == len(roles.positions):  # one each
+        if len(roles.quality) == len(roles.positions):  # one quality column per receiver
             columns["quality"] = _column(roles.quality[roles.positions.index(position)])
         segment = _segment(names[index], layout, names)
         key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment

@@ -128,7 +128,7 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
             "no channels of type OrientationD",
         ),
         (file_of(xdf_header(["hand", "hand"])), "has 2 channels of type PositionX"),
-        (file_of(xdf_header(TWO, number="string")), "holds string; expected numbers"),
+        (file_of(xdf_header(TWO, number="string")), "has format string; expected numbers"),
         (file_of(xdf_header(TWO[:1]).replace(b">7<", b">14<")), "has 14 channels, but its header describes"),
         (PLAIN.replace(b"<nominal_srate>240<", b"<nominal_srate>abc<"), "is damaged: pyxdf cannot read it"),
         (PLAIN.replace(b"<info><name>", b"<info><nome>"), "is damaged: pyxdf cannot read it"),
