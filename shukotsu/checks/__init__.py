@@ -1,1 +1,1 @@
-"""Compare what was declared about a recording with what its poses say; findings, each one sentence."""
+"""Test what was declared about a recording against its poses; the results are findings, one sentence each."""

@@ -1,4 +1,4 @@
-"""The findings on one recording, and what of it is compared with the subject's others."""
+"""Check one recording: its findings, and what is compared with the subject's other recordings."""
 
 from __future__ import annotations
 
@@ -29,19 +29,26 @@ from shukotsu.tables.limits import SECONDS_PER_UNIT
 from shukotsu.tables.poses import Poses
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
+"""A recording below either of the first two is suspect; one with fewer than NO_FRAMES frames is refused."""
 OPEN_GAP_MM = 15.0
+"""Median joint gap above which a recording whose poses jump about is refused."""
 MANY_REPEATED = 0.4
+"""Share of frames in which all receivers repeat the previous one, above which this is reported."""
 MOST_NAMED = 8
-"""Poses that are named, of those where nothing can be."""
+"""Largest number of spikes that are listed in a finding."""
 SPEED_LIMIT_RAD_S = 25.0
-"""Turning of a hand's receivers from one frame to the next: fingers that play fast reach a third of it."""
+"""Largest turning speed of a hand's receivers between frames; fast playing fingers reach a third of it."""
 UNEXPLAINED = -25.0
-"""Log likelihood a joint; of loose receivers it is about -8."""
+"""Log likelihood per joint below which a recording is unlike any hand; loose receivers give about -8."""
 
 
 @dataclass(frozen=True)
 class CheckedRecording:
-    """Findings, likeliest first; a digest of the poses; joints with all mistakes undone, if any."""
+    """Result of checking one recording.
+
+    findings : in the order in which they are reported. digest : of the poses. body, explanation : expected
+    body, and joints with all mistakes undone; None if the recording could not be tested.
+    """
 
     findings: tuple[Finding, ...]
     digest: str
@@ -57,7 +64,29 @@ def check_recording(
     left_out: Mapping[str, Mapping[str, int]] | None = None,
     breaks: Sequence[Values] = (),
 ) -> CheckedRecording:
-    """Test what was declared about a recording against its poses; left_out, breaks : of its import."""
+    """Test what was declared about a recording against its poses.
+
+    Parameters
+    ----------
+    poses : Poses
+        The recording.
+    layout : Layout
+        Layout of its hand.
+    hand : str
+        "right" or "left", as declared.
+    declared : Declared
+        What the mapping or the tidy table declares.
+    left_out : mapping, optional
+        Poses that the import left out or put back: flag -> segment -> count.
+    breaks : sequence, optional
+        Breaks and exchanges that the import found.
+
+    Returns
+    -------
+    CheckedRecording
+        Findings, and what is compared between recordings.
+
+    """
     broken = _breaks(breaks)
     seen = [index for index, column in enumerate(poses.valid.T) if column.any()]
     time_s, packets = without_packets(poses.time_s)
@@ -75,17 +104,17 @@ def check_recording(
         short = [Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, "", length)]
     if frames < NO_FRAMES or not body.names:
         return CheckedRecording((*broken, *short), poses_digest(poses), None, None)
-    # degrees read as radians turn a receiver some 57 times too fast
+    # degrees read as radians make a receiver turn 57 times too fast
     speed_rad_s = timeline.turning_speed(line, most_frames=1) if declared.angle_unit == "rad" else 0.0
     if speed_rad_s > SPEED_LIMIT_RAD_S:
         angles = Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})
         return CheckedRecording((*broken, angles), poses_digest(poses), None, None)
     findings, search = _findings_of_hypotheses(line, poses.frame, body, layout, segments, hand, declared)
-    if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
+    if "hemisphere-undecided" in (left_out or {}):  # the import could not decide, so a repair would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
     dead = np.isfinite(ends).all((0, 2)) & (ends[0] == ends[-1]).all(-1) & ~poses.valid.any(0)
-    frozen = [  # the first receiver that the import leaves out as it never moves though its parent does
+    frozen = [  # the first receiver that the import rejected because it never moves although its parent does
         Finding("receiver-stuck", SUSPECT, "all-along", {"segment": poses.segments[index]})
         for index in np.flatnonzero(dead)[:1]
     ]
@@ -105,7 +134,7 @@ def check_recording(
 
 
 def poses_digest(poses: Poses) -> str:
-    """A digest of all poses, whatever their names, frames and times; empty where there is none."""
+    """Return a digest of all poses, independent of names, frames and times; "" if there are none."""
     if not poses.valid.any():
         return ""
     digest = hashlib.sha256()
@@ -127,7 +156,10 @@ def _findings_of_hypotheses(
     *,
     flipping: bool = True,
 ) -> tuple[list[Finding], Search]:
-    """Findings of flips, spikes and all that a hypothesis undoes; flipping : whether there may be flips."""
+    """Return the findings of flips, spikes and mistaken declarations, and the search for the latter.
+
+    flipping : whether to look for flips; false in a second pass if undoing them made the joints worse.
+    """
     as_recorded = line
     jumping = sum(timeline.jumps(line, receiver) for receiver in range(len(segments))) > 0.5 * len(segments)
     sign = timeline.sides(line) if flipping and not jumping else np.ones(line.valid.shape, np.int8)
@@ -148,20 +180,20 @@ def _findings_of_hypotheses(
         as_read = motion_of(as_recorded.position_mm, line.quaternion, usable, axes, hand)
         flipped = np.flatnonzero((sign < 0).any(0)).tolist()
         matters = effect(body, explain_joints(as_read, body), explain_joints(motion, body), flipped)
-        if matters["gap_after_mm"] > matters["gap_before_mm"] + WIDER_MM:  # no receiver that flipped
+        if matters["gap_after_mm"] > matters["gap_before_mm"] + WIDER_MM:  # so no receiver had flipped
             rest = (frame, body, layout, segments, hand, declared)
             return _findings_of_hypotheses(as_recorded, *rest, flipping=False)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
-        mistakes = mistakes[:1]  # no hand even with all undone, guesses on guesses: the likeliest alone
+        mistakes = mistakes[:1]  # even with all undone it is unlike a hand, so the later ones are guesses
     named = [
         Finding(mistake.hypothesis.kind, SUSPECT, mistake.hypothesis.variant, values)
         for mistake in mistakes
         if not (flips and mistake.hypothesis.kind == "hemisphere")
         for values in [{**mistake.hypothesis.values, **mistake.evidence}]
     ]
-    # angles taken about the wrong axes jump near their poles
+    # Euler angles about wrong axes jump near their singularities
     jumps = (
         [] if "euler-order" in {finding.kind for finding in named} else _spikes(line, frame, odd, segments)
     )
@@ -169,13 +201,13 @@ def _findings_of_hypotheses(
 
 
 def _first(line: Timeline, row: int) -> Values:
-    """When something is first seen; of rows without a time, in which."""
+    """Return the time of a row as the value of a finding; for rows without a time, the row's number."""
     time_s = float(line.time_s[row])
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
 def _most(line: Timeline, poses: npt.NDArray[np.bool_], segments: Sequence[str]) -> Values:
-    """The segment with most of some poses (T, S), how many there are, and when it has the first."""
+    """Return the segment with most of the marked poses (T, S), their total number, and when its first is."""
     receiver = int(np.argmax(poses.sum(0)))
     first = _first(line, int(np.argmax(poses[:, receiver])))
     return {"segment": segments[receiver], "count": int(poses.sum()), **first}
@@ -197,7 +229,7 @@ def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) 
 
 
 def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequence[str]) -> list[Finding]:
-    """Name the poses; frame : (T,) as the file or the mapping counts them."""
+    """Return a finding that lists spikes; frame : (T,) numbers as in the file; odd : (T, S) spikes."""
     if not odd.any():
         return []
     seen = _most(line, odd, segments)
@@ -248,8 +280,8 @@ LEFT_OUT = {
     "hemisphere-undecided": ("hemisphere", SUSPECT, "undecided"),
     "spike": ("spikes", "", "left-out"),
 }
-"""Flags of what the import left out or put back: the kind, how grave it is, empty where that depends on how
-many there are, and which of its sentences."""
+"""Flag of poses that the import left out or put back -> kind, severity and variant of the finding; the
+severity is "" if it depends on the number of poses."""
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]], frames: int) -> list[Finding]:
@@ -265,7 +297,7 @@ def _left_out(left_out: Mapping[str, Mapping[str, int]], frames: int) -> list[Fi
 
 
 def _breaks(breaks: Sequence[Values]) -> list[Finding]:
-    """Name breaks, whose poses are left out."""
+    """Return the findings of breaks and exchanges, whose poses the import left out."""
     findings = []
     for seen in breaks:
         if "number" in seen:
@@ -296,7 +328,7 @@ def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Fin
 
 
 def _clock_breaks(breaks: Sequence[ClockBreak], frame: np.ndarray) -> list[Finding]:
-    """Name where the clock does not run on, a finding a kind: its first place, and how many there are."""
+    """Return a finding for each kind of clock break, with the first one and their number."""
     findings = []
     for kind in dict.fromkeys(step.kind for step in breaks):
         every = [step for step in breaks if step.kind == kind]

@@ -1,6 +1,6 @@
-"""All recordings of a subject, checked each alone and against each other.
+"""Check all recordings of a subject, each one alone and against each other.
 
-Only several recordings show that one file is named twice, or that a recording is of another person.
+Only a comparison shows that a file is listed twice, or that a recording is of another person.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from shukotsu.tables.typed_table import read_metadata, read_row_groups
 
 
 def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:
-    """Check what was declared about a poses file's recording; hand : in place of its own."""
+    """Check what was declared about the recording in a poses file; hand : instead of the file's."""
     parameters = read_metadata(path)["parameters"]
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     side = hand or recording_name(path).hand
@@ -46,11 +46,11 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
 
 LOOSE_PERCENT = 1.0
-"""Percent of a cluster's frames: more that do not fit are no slips of labels where its markers move apart."""
+"""Percentage of misfitting frames from which a cluster is not rigid; a smaller one is due to label slips."""
 
 
 def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    """Name clusters of which more than slips of labels are left out, and all others in one note."""
+    """Return a finding for each cluster that is not rigid, and one note on label slips in the others."""
     loose = [each for each in clusters if not each["whole"] and each["percent"] >= LOOSE_PERCENT]
     findings = [
         Finding("cluster-not-rigid", SUSPECT, "" if each["groups"] else "apart", each)
@@ -64,7 +64,7 @@ def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
-    """Return how many poses have each flag in LEFT_OUT that there is, by segment."""
+    """Return the number of poses with each flag of LEFT_OUT that occurs, by segment."""
     flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
     for rows in read_row_groups(path, POSES, ["segment", "flags"]):
         for flag, counts in flagged.items():
@@ -73,9 +73,11 @@ def _left_out(path: Path) -> dict[str, Counter[str]]:
 
 
 def check_subject(plan: SubjectPlan, arguments: Namespace) -> list[tuple[Recording, CheckedRecording]]:
-    """Check a subject's recordings, each alone and all against each other; one that cannot be has a note.
+    """Check a subject's recordings, each one alone and against each other.
 
-    arguments : of a command line: stage, record_failure.
+    A recording that cannot be checked gets a note instead.
+
+    arguments : command-line arguments `stage` and `record_failure`.
     """
     recordings = [r for r in plan.recordings if not r.exclude and usable_poses([plan.poses(r)])[0]]
     checked = [_check_recording(plan, recording, arguments) for recording in recordings]
@@ -100,17 +102,21 @@ def _check_recording(plan: SubjectPlan, recording: Recording, arguments: Namespa
 FINGERS = tuple(name for name in DIGITS if name != "thumb")
 PHALANX_MM, KNUCKLE_MM = ((2.0, 5.2), (1.9, 3.5)), ((1.9, 3.5), (1.3, 2.9), (1.4, 2.7))
 SCALE = (0.025, 0.105)
-"""Sd of a difference between recordings, of one person and of two: proximal and middle phalanges;
-knuckles about their middle, distally, sideways, dorsally; the hand's scale. From simulated hands (ours)."""
+"""SD of a difference between recordings of one person and of two people: proximal and middle phalanges;
+knuckles about their mean, distally, sideways and dorsally; the hand's scale. From our simulated hands."""
 WORN_AGAIN_MM = 0.68
-"""Median difference of joints' coordinates in the receivers' frames, beyond which they were put on anew."""
+"""Median difference of joint coordinates in the receivers' frames above which receivers were put on again."""
 OTHER_PERSON = 2.0
-"""Log of the odds from which on lengths are another person's."""
+"""Log odds above which lengths are those of another person."""
 
 
 @dataclass(frozen=True)
 class MeasuredHand:
-    """A hand as one recording has it. sizes : (N,) what differs between people. centre_mm : (J, 2, 3)."""
+    """Sizes of a hand in one recording.
+
+    sizes : (N,) lengths and scale, which differ between people. centre_mm : (J, 2, 3) joint centres in both
+    receivers' frames. scale : of the hand, 1 is average.
+    """
 
     sizes: Array
     centre_mm: Array
@@ -119,9 +125,12 @@ class MeasuredHand:
 
 
 def compare_recordings(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> list[CheckedRecording]:
-    """Add what a comparison says to a subject's recordings: task, hand and findings each, as in the sheet.
+    """Compare a subject's recordings and add the findings of the comparison.
 
-    Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
+    If a file is listed twice, the entry with more severe findings counts as the copy: for example a right
+    hand's file that is listed as the left hand's.
+
+    recordings : (task, hand, checked recording) in the order of the sheet.
     """
     first_of: dict[str, tuple[str, str]] = {}
     for task, hand, checked in sorted(
@@ -140,7 +149,7 @@ def compare_recordings(recordings: Sequence[tuple[str, str, CheckedRecording]]) 
 
 
 def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Recording, Finding]]:
-    """Name recordings, each with its poses' digest, that are another subject's, or another session's."""
+    """Yield recordings that have the same digest as one of another subject or session."""
     first_of: dict[str, Recording] = {}
     for recording, digest in recordings:
         first = first_of.setdefault(digest, recording) if digest else recording
@@ -149,7 +158,7 @@ def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Record
 
 
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
-    """Findings, by index, on recordings whose receivers sit elsewhere than in most others."""
+    """Return a finding, by index, for each recording whose receivers are placed differently from the rest."""
     findings: dict[int, Finding] = {}
     for hand in dict.fromkeys(hand for _, hand, _ in recordings):
         measured = {
@@ -191,7 +200,7 @@ def _worn_elsewhere(first: MeasuredHand, second: MeasuredHand) -> bool:
 
 
 def measure(checked: CheckedRecording) -> MeasuredHand | None:
-    """Measure a hand whose four fingers are seen; None of any other body."""
+    """Return the sizes of a hand with receivers on all four fingers; None for any other body."""
     body, explained = checked.body, checked.explanation
     needed = [f"{finger}_{kind}" for finger in FINGERS for kind in ("mcp", "pip", "dip")]
     if body is None or explained is None or not ({*needed} <= {*body.names} and body.has_anatomy.any()):

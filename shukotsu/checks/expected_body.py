@@ -1,7 +1,7 @@
-"""Model a body before it is seen: joints' places on the receivers' bones, and how joints turn.
+"""Prior model of a body: positions of joints relative to the receivers, and how joints turn.
 
-Of a hand it is the average one of the `anatomy` room, with room for hands that differ much; of any other
-layout no more than that joints lie within some tens of centimetres of their receivers.
+For a hand it is the average hand of the `hand` room, with wide tolerances; for any other layout it only
+states that joints are within some tens of centimetres of their receivers.
 """
 
 from __future__ import annotations
@@ -19,40 +19,41 @@ from shukotsu.hand.sampled_motion import receiver_axes
 from shukotsu.study.layout import Digit, Joint, Layout
 
 SHARED = 7
-"""What all joints of a hand share: its scale, and where the hand's receiver sits and how it is turned."""
+"""Number of unknowns that all joints of a hand share: scale, and shift and turn of the hand's receiver."""
 SCALE_SD, FREE_SCALE_SD = 0.13, 0.6
-"""Sd of the hand's scale: as hands differ, and as it is solved, so that a wrong unit is seen as one."""
+"""SD of the hand's scale: of real hands, and as allowed in the fit, so that a wrong unit shows as scale."""
 ROOM = 1.6
-"""That hands and receivers on them may differ more than healthy ones put on by experts do."""
+"""Factor by which SDs are widened, for unusual hands and receivers not put on by experts."""
 PHALANX_SD_MM, THUMB_SD_MM = (4.5, 2.5, 2.5), (6.0, 4.0, 4.0)
-"""Sd of a joint's centre in the frame of a receiver on the bone before or after it."""
+"""SD of a joint's centre in the frame of the receiver on the bone before or after it."""
 HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
-"""Places of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
+"""Positions of receivers relative to the wrist, if the layout does not define the wrist (our estimate)."""
 ON_HAND_SD_MM = 4.0
-"""Sd of a knuckle in the hand's frame, what is shared apart."""
+"""SD of a knuckle in the hand's frame, in addition to the shared unknowns."""
 
 FACINGS, PAST_DEG = 9, 25.0
-"""Turns of the receiver over a thumb's metacarpal: how many are tried, how far past either side (ours)."""
+"""Roll of the receiver on the thumb's metacarpal: number of angles tried, and how far beyond either side."""
 
 FLEXION_DEG = {"mcp": (-45.0, 100.0), "pip": (-25.0, 120.0), "dip": (-30.0, 100.0), "ip": (-35.0, 100.0)}
 THUMB_FLEXION_DEG = {"cmc": (-45.0, 70.0), "mcp": (-35.0, 80.0), "ip": (-40.0, 100.0)}
-"""What joints reach, given that the receivers are turned against the bones by some degrees."""
+"""Ranges of flexion, including some degrees by which receivers are turned on the bones."""
 HINGE_SD_DEG, MCP_SD_DEG, THUMB_SD_DEG = (10.0, 10.0), (14.0, 12.0), (18.0, 20.0)
-"""Sd of the middle of abduction and of axial rotation."""
+"""SD of the median abduction and of the median axial rotation."""
 SWING_DEG = {"mcp": (45.0, 30.0), "cmc": (60.0, 50.0)}
 HINGE_SWING_DEG = (14.0, 14.0)
-"""Range of abduction and axial rotation that needs no explanation."""
+"""Ranges of abduction and of axial rotation that are not penalised."""
 
 
 @dataclass(frozen=True)
 class ExpectedBody:
-    """J joints between receivers.
+    """Expected properties of J joints between receivers.
 
-    ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm : (J, 2, 3) in either
-    frame. gain : (J, 2, 3, 7) by what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent in the
-    flat hand, for each of F facings of the thumb metacarpal's receiver; faced : (J,) whether it depends on
-    that. flexion_deg : (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial
-    rotation. has_anatomy : (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
+    ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm : (J, 2, 3) joint centre
+    and its SD in both receivers' frames. gain : (J, 2, 3, 7) effect on the centre of the shared unknowns,
+    each of SD 1. rest : (J, F, 3, 3) rotation from child to parent in the flat hand, for each of F rolls of
+    the receiver on the thumb's metacarpal; faced : (J,) whether it depends on the roll. flexion_deg : (J, 2)
+    smallest and largest flexion; sideways_sd_deg, swing_deg : (J, 2) for abduction and axial rotation.
+    has_anatomy : (J,) whether anatomy defines all this. gap_mm : (J,) gap that skin motion explains.
     """
 
     names: tuple[str, ...]
@@ -69,14 +70,14 @@ class ExpectedBody:
     gap_mm: Array
 
     def concerned(self, places: Collection[int] | None) -> npt.NDArray[np.bool_]:
-        """Which joints (J,) have a receiver among those places; all where none has, or places is None."""
+        """Return which joints have one of these receivers, (J,); all if none has, or if places is None."""
         chosen = frozenset(places or ())
         concerned = np.array([not chosen.isdisjoint(pair) for pair in self.ends.tolist()], bool)
         return concerned if concerned.any() else np.ones(len(self.names), bool)
 
 
 def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
-    """Build the expected body of the layout's joints of which both receivers are among the segments."""
+    """Build the expected body of the layout's joints whose two receivers are among the segments."""
     joints = [j for j in layout.solvable if j.parent_receiver in segments and j.child in segments]
     ends = np.array([[segments.index(j.parent_receiver), segments.index(j.child)] for j in joints])
     n = len(joints)
@@ -105,7 +106,7 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
 
 
 def _expect(body: ExpectedBody, index: int, joint: Joint, digit: Digit, layout: Layout) -> None:
-    """Fill in a joint of a digit."""
+    """Set the expected properties of a digit's joint in `body`."""
     anatomy = DIGITS[digit.name]
     bone = digit.segments.index(joint.child)
     thumb = digit.name == "thumb"
@@ -134,7 +135,7 @@ def _expect(body: ExpectedBody, index: int, joint: Joint, digit: Digit, layout: 
 
 
 def _frames(anatomy: DigitAnatomy) -> list[Array]:
-    """A digit's bones' frames (B, 3, 3) for every facing of its first bone, past either side of a thumb's."""
+    """Return the frames (B, 3, 3) of a digit's bones for each roll of its first; only a thumb's differ."""
     frames = anatomy.frames()
     if anatomy.second_axis is None:
         return [frames] * FACINGS
@@ -149,7 +150,7 @@ def _frames(anatomy: DigitAnatomy) -> list[Array]:
 
 
 def _hand_mount_mm(layout: Layout) -> Array:
-    """The place of the hand's receiver from the wrist: distally, sideways, dorsally."""
+    """Return the position of the hand's receiver relative to the wrist: distal, lateral, dorsal, mm."""
     if layout.wrist is None:
         return np.array(HAND_MOUNT_MM)
     axes = receiver_axes(layout, (layout.wrist.segment,))[0]
@@ -157,6 +158,6 @@ def _hand_mount_mm(layout: Layout) -> Array:
 
 
 def _share_root(body: ExpectedBody, index: int, end: int) -> None:
-    """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
+    """Set the effect of the hand receiver's shift and turn on a joint in that receiver's frame."""
     body.gain[index, end, :, 1:4] = ROOM * np.diag(PRIOR.HAND_MOUNT_SD_MM)
     body.gain[index, end, :, 4:7] = ROOM * PRIOR.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[index, end])

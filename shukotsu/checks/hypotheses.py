@@ -1,4 +1,4 @@
-"""Possible mistakes in what is declared about a recording; each hypothesis can undo its mistake in poses."""
+"""Possible mistakes in what is declared about a recording; a hypothesis can undo its mistake in poses."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import MM_PER_UNIT
 
 SENSES = ("receiver-to-transmitter", "transmitter-to-receiver")
-"""Directions of rotations; rotations of the second kind are inverted when read."""
+"""Directions of rotations; those of the second kind are inverted on reading."""
 
 
 @dataclass(frozen=True)
 class Declared:
-    """What a mapping says; the defaults are what a tidy table says by its columns' names.
+    """Declarations of a mapping; the defaults are those implied by a tidy table's column names.
 
-    format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation;
-    `device` where a tracker's protocol says all of it. position_axes : what of the file was taken for x, y
-    and z.
+    format : of the mapping, "" without one. kind, order, rotates, axes, angle_unit : of its orientation; kind
+    is `device` if a tracker's protocol defines all of it. position_axes : axes of the file that were read as
+    x, y and z.
     """
 
     format: str = ""
@@ -43,12 +43,12 @@ class Declared:
 
     @property
     def unmapped(self) -> Values:
-        """The value that tells a finding's sentence that there is no mapping to write a cure into."""
+        """Value of a finding's sentence if there is no mapping in which to correct the mistake."""
         return {} if self.format else {"unmapped": True}
 
     @classmethod
     def of(cls, mapping: Mapping[str, Any] | None, kind: str = "") -> Declared:
-        """Take it from a mapping's own keys, or None; kind : of orientations, where the file says it."""
+        """Read it from a mapping's keys, or None; kind : of orientations, if the file states it."""
         if mapping is None:
             return cls(kind=kind or cls.kind)
         orientation = mapping.get("orientation") or {}
@@ -74,9 +74,10 @@ TIDY = Declared()
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One mistake, which `undo` takes out of a motion; variant, values : of its sentence.
+    """A possible mistake, which `undo` removes from a motion.
 
-    places : the receivers concerned; None: all. penalty : its log odds before any pose is seen.
+    variant, values : for the sentence of its finding. places : receivers concerned, None for all. penalty :
+    prior log odds against it.
     """
 
     kind: str
@@ -89,7 +90,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Recorded:
-    """What the hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared."""
+    """The recording that hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared."""
 
     layout: Layout
     segments: tuple[str, ...]
@@ -100,12 +101,12 @@ class Recorded:
 
     @property
     def mirror(self) -> Array:
-        """Signs of the axes that `SampledMotion` has turned over."""
+        """Signs of the axes that `SampledMotion` negates: left hands are mirrored."""
         return MIRROR if self.hand == "left" else np.ones(3)
 
 
 def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
-    """List all mistakes to be tested on the poses of the motion."""
+    """Return all mistakes to be tested on the poses of the motion."""
     mistakes = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
     mistakes += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
@@ -134,24 +135,24 @@ SHARES = {
     "digits-swapped": 0.01,
     "receiver-turned": 0.01,
 }
-"""Share of a laboratory's recordings that have the mistake (ours), which its hypotheses share alike."""
+"""Estimated share of recordings that have the mistake, divided equally among the hypotheses of its kind."""
 
 
 CYCLIC_ORDERS = ("wxyz", "xyzw", "yzwx", "zwxy")
 """Orders that result from confusing w, x, y, z with x, y, z, w once or several times."""
 ORDERS = tuple(dict.fromkeys([*CYCLIC_ORDERS, *map("".join, permutations("wxyz"))]))
-"""Every order of a quaternion's numbers, the cyclic ones first."""
+"""All orders of a quaternion's numbers, cyclic ones first."""
 RARE = float(np.log(20.0))
-"""Log odds against an order that is not cyclic."""
+"""Additional log odds against an order that is not cyclic."""
 
 INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
-"""Signs that make a unit quaternion its conjugate."""
+"""Signs that conjugate a unit quaternion."""
 
 
 def _undo_quaternion_change(
     recorded: Recorded, change: Callable[[Array], Array]
 ) -> Callable[[SampledMotion], SampledMotion]:
-    """Undo a mistake in the quaternions as the file has them, before its mapping inverts them."""
+    """Return a function that applies `change` to the quaternions as in the file, before any inversion."""
     sense = INVERSE if recorded.declared.rotates == SENSES[1] else np.ones(4)
 
     def undo(motion: SampledMotion) -> SampledMotion:
@@ -164,9 +165,9 @@ def _undo_quaternion_change(
 
 
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
-    """Quaternions in another order, rotations the other way round; only where the file could have it so."""
+    """Yield other orders of quaternions and the inverse rotation, as far as the kind of file allows them."""
     declared = recorded.declared
-    rotates = SENSES[declared.rotates == SENSES[0]]
+    rotates = SENSES[1] if declared.rotates == SENSES[0] else SENSES[0]
     for order in ORDERS if declared.kind == "quaternion" else ():
         if order == declared.order:
             continue
@@ -175,7 +176,8 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
         read, true = ", ".join(declared.order), ", ".join(order)
         values = {"read": read, "true": true, "order": order, "rotates": rotates, "anew": anew}
         usual = order in CYCLIC_ORDERS
-        for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE))[: 1 + usual]:
+        variants = [("order", np.ones(4)), ("inverse-too", INVERSE)] if usual else [("order", np.ones(4))]
+        for variant, sign in variants:
 
             def reordered(q: Array, columns: list[int] = columns, sign: Array = sign) -> Array:
                 return q[..., columns] * sign
@@ -202,16 +204,16 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:
-    """Decompose rotations into angles about the declared axes and compose them about the true ones.
+    """Return a function that decomposes rotations into angles about the declared axes and recomposes them.
 
-    true : in small letters of axes that stay where they are, as of scipy's.
+    true : axes for composition, in scipy's notation: lower case for fixed axes. factor : of the angles.
     """
 
     def change(quaternion: Array) -> Array:
-        from scipy.spatial.transform import Rotation  # for the few files with angles; it takes a second
+        from scipy.spatial.transform import Rotation  # slow import, needed only for files with angles
 
         read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
-        with warnings.catch_warnings(action="ignore"):  # at the poles one angle of two is as good
+        with warnings.catch_warnings(action="ignore"):  # in gimbal lock only a sum of angles is determined
             angles = factor * read.as_euler(declared)
         again = Rotation.from_euler(true, angles)
         return np.asarray(again.as_quat(scalar_first=True).reshape(quaternion.shape))
@@ -222,7 +224,7 @@ def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable
 def _undo_axes(
     factor: float | Array, order: Sequence[int] = (0, 1, 2)
 ) -> Callable[[SampledMotion], SampledMotion]:
-    """Permute and scale the axes of the positions."""
+    """Return a function that permutes and scales the axes of positions."""
     columns = list(order)
     return lambda motion: replace(motion, position_mm=motion.position_mm[..., columns] * factor)
 
@@ -238,13 +240,14 @@ def _units(declared: Declared) -> Iterator[Hypothesis]:
 
 
 def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
-    """Positions whose axes are exchanged or negated while the rotations' are not; none of C3D."""
+    """Yield exchanges and negations of the axes of positions but not of rotations; none for C3D files."""
     if recorded.declared.format == "c3d":
         return
     names, read = "xyz", recorded.declared.position_axes
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
-            if order == (0, 1, 2) and (min(signs) > 0 or max(signs) < 0):  # the latter is a hemisphere
+            # all axes negated is the hypothesis of a wrong hemisphere
+            if order == (0, 1, 2) and (min(signs) > 0 or max(signs) < 0):
                 continue
             sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
             columns = [read[i] if s > 0 else f"-{read[i]}" for i, s in zip(order, signs, strict=True)]
@@ -258,12 +261,12 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _hemispheres(recorded: Recorded, motion: SampledMotion) -> Iterator[Hypothesis]:
-    """One receiver on the other side, all of those that are opposite to most, or all that there are."""
+    """Yield wrong hemispheres: of one receiver, of all receivers opposite to the majority, or of all."""
     if recorded.declared.format != "c3d":  # cameras have no hemisphere
         yield Hypothesis("hemisphere", _undo_axes(-1.0), "whole")
     centre = np.median(motion.position_mm, axis=0)
     side = centre @ np.linalg.eigh(centre.T @ centre)[1][:, -1]
-    behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0  # of the transmitter than most
+    behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0  # opposite to the majority
     opposite = {int(i) for i in np.flatnonzero(behind)} if behind.sum() > 1 else set()
     for receivers in [
         *({receiver} for receiver in range(len(recorded.segments))),
@@ -297,7 +300,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         order = list(range(len(recorded.segments)))
         for segment, segment_2 in zip(worn[first], worn[second], strict=True):
             order[segment], order[segment_2] = segment_2, segment
-        named = (second, first) if second == "thumb" else (first, second)  # the sentence's second is a finger
+        named = (second, first) if second == "thumb" else (first, second)  # the sentence names a finger last
         digits: dict[str, Any] = dict(zip(("digit", "digit_2"), named, strict=True))
         yield Hypothesis(
             "digits-swapped", _undo_permutation(recorded, order),
@@ -317,12 +320,15 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
-    """Names of two digits' segments, each with the one that stands for it."""
+    """Return pairs of corresponding segments' names of two digits."""
     return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
 
 
 def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[SampledMotion], SampledMotion]:
-    """Undo an exchange: each segment takes the pose of the receiver that it got, by its own mounting axes."""
+    """Return a function that undoes a permutation of receivers, with the axes of each mounting corrected.
+
+    order : for each segment, the index of the poses that really belong to it.
+    """
     rows = list(order)
     exchange = (
         np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes * recorded.mirror[:, None] * recorded.mirror
@@ -337,10 +343,10 @@ def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[Sam
 
 
 def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
-    """Yield a receiver, or every receiver alike, turned on its bone by quarter turns."""
+    """Yield quarter, half and third turns of one receiver, or of all receivers, on the bones."""
     for turn in _cube_turns():
         values: dict[str, Any] = _turn_values(turn, recorded.mirror)
-        # a column is where the bone's axis points in the receiver's frame
+        # columns are the bone's axes in the receiver's frame
         axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
         if np.ptp(axes, axis=0).max() < ALIKE:
             yield Hypothesis("receiver-turned", _undo_turn(turn), "all", values | _axes_values(axes[0]))
@@ -352,20 +358,21 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _cube_turns() -> Array:
-    """Rotation matrices (23, 3, 3) of the turns of a cube, of quarters, halves and thirds."""
+    """Return the rotation matrices (23, 3, 3) of a cube's symmetries: quarter, half and third turns."""
     whole = np.array([*product((1.0, 0.0, -1.0), repeat=4)])
     parts = (whole != 0).sum(1)
-    first = np.take_along_axis(whole, (whole != 0).argmax(1)[:, None], 1)[:, 0]  # q and -q are one
+    # q and -q are the same rotation, so the first component that is not 0 must be positive
+    first = np.take_along_axis(whole, (whole != 0).argmax(1)[:, None], 1)[:, 0]
     kept = (first > 0) & np.isin(parts, (1, 2, 4)) & whole[:, 1:].any(1)
     return matrix(whole[kept] / np.sqrt(parts[kept])[:, None]).round() + 0.0
 
 
 ALIKE = 1e-6
-"""Difference of receivers' axes that the layout has alike, so that one line can turn all of them."""
+"""Largest difference of receivers' axes that count as equal in the layout."""
 
 
 def _axes_values(axes: Array) -> dict[str, Any]:
-    """Receiver axes (3, 3) as the layout has them: whole numbers where they are."""
+    """Return receiver axes (3, 3) as keys of a layout; whole numbers without decimals."""
     whole = axes.round(6) + 0.0
     return {
         name: [int(v) if v == int(v) else float(v) for v in whole[:, i]]
@@ -383,7 +390,7 @@ def _undo_turn(turn: Array, receiver: int | slice = slice(None)) -> Callable[[Sa
 
 
 def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
-    """Return by how much and about which of its axes it is turned; none: about a diagonal."""
+    """Return the angle in degrees and the receiver's axis of a turn; the axis is "" for a diagonal."""
     in_receiver = turn * mirror[:, None] * mirror
     turned = from_matrix(in_receiver)
     degrees, axis = round(float(np.degrees(angle(turned)))), turned[1:]

@@ -1,10 +1,10 @@
-"""Explain poses by a body, and find the mistakes that explain them better, the likeliest first.
+"""Fit the expected body to poses, and find the mistakes whose correction makes the poses more likely.
 
-A joint's share of the log likelihood is that of (a) how far its centre, solved from both receivers, stays
-from being one point, (b) how far from where anatomy has it that centre lies in either receiver's frame, what
-all joints share (the hand's size and its receiver's place) being solved with them, and (c) how it turns:
-flexion within its range, abduction and axial rotation around none. Every share has long tails, so that one
-odd joint cannot outvote the others.
+The log likelihood is a sum over joints of three terms: (a) the gap between the joint centre as carried by the
+parent's and by the child's receiver; (b) the distance of the centre in both receivers' frames from its
+expected position, where the unknowns shared by all joints (the hand's size, the placement of its receiver)
+are solved together with the centres; (c) the joint's rotation: flexion within its range, abduction and axial
+rotation around zero. All terms have long tails, so that one odd joint cannot outvote the others.
 """
 
 from __future__ import annotations
@@ -23,21 +23,24 @@ from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
 from shukotsu.study.findings import Values
 
 INDEPENDENT_FRAMES = 8.0
-"""Number of independent frames assumed, whatever the length of the recording."""
+"""Number of independent frames that is assumed for a recording of any length."""
 PLACE_TAIL, TURN_TAIL = 12.0, 30.0
-"""Degrees of freedom of the t distributions."""
+"""Degrees of freedom of the t distributions of centres and of angles."""
 FLEXION_SD_DEG, SWING_SD_DEG = 12.0, 8.0
+"""SD of angles beyond the expected range of flexion, and beyond that of abduction and axial rotation."""
 REACH_MM, REACH_LOG_SD = 120.0, 0.9
-"""Sd of a body that anatomy does not know: how far a joint's centre is from a receiver."""
+"""Median distance of a joint's centre from a receiver for a body without known anatomy, and SD of its log."""
 
 
 @dataclass(frozen=True)
 class JointShares:
-    """Statistics of P series of the two receivers of a joint.
+    """Statistics of P series, each of poses of a joint's two receivers.
 
-    joint : (P,) which. normal : (P, 6, 6), slope : (P, 6), square : (P,) of the mean squared gap, a quadratic
-    form of the centres. turning : (P, F) log likelihood of how it turns, by facing of the thumb's metacarpal.
-    angles_deg : (P, F, 3, 3), 10th, 50th and 90th percentile of three angles.
+    joint : (P,) index of the joint. normal, slope, square : (P, 6, 6), (P, 6) and (P,), coefficients of the
+    mean squared gap, a quadratic form c' normal c - 2 slope' c + square of the centres c. turning : (P, F)
+    log likelihood of the joint's rotation, for each roll of the receiver on the thumb's metacarpal.
+    angles_deg : (P, F, 3, 3) 10th, 50th and 90th percentile (third axis) of flexion, abduction and axial
+    rotation (last axis).
     """
 
     joint: Index
@@ -50,7 +53,13 @@ class JointShares:
 
 @dataclass(frozen=True)
 class Explanation:
-    """H hypotheses: log likelihoods (H, J) and (H,), gaps, distances and angles of joints, scale (H,)."""
+    """Fit of the expected body to the poses under each of H hypotheses.
+
+    closing, placed, turning : (H, J) log likelihoods of gaps, positions and rotations. shared : (H,) log
+    likelihood of the shared unknowns. gap_mm : (H, J) rms gap. off_mm : (H, J) distance of the centre from
+    its average position, the larger of both receivers. angles_deg : (H, J, 3, 3), see `JointShares`.
+    centre_mm : (H, J, 2, 3). scale : (H,) of the hand.
+    """
 
     closing: Array
     placed: Array
@@ -64,12 +73,12 @@ class Explanation:
 
     @property
     def total(self) -> Array:
-        """Log likelihood (H,) of each hypothesis."""
+        """Log likelihood of each hypothesis, (H,)."""
         return np.asarray((self.closing + self.placed + self.turning).sum(-1) + self.shared)
 
 
 def joint_shares(body: ExpectedBody, series: Sequence[tuple[Index, SampledMotion]]) -> JointShares:
-    """Summarise joints' receivers in each motion: (joints, motion) pairs in, shares out."""
+    """Compute the statistics of joints in motions; series : (indices of joints, motion) pairs."""
     joint = np.concatenate([joints for joints, _ in series])
     parts = []
     for joints, motion in series:
@@ -99,15 +108,15 @@ def joint_shares(body: ExpectedBody, series: Sequence[tuple[Index, SampledMotion
 def _rate_turns(
     body: ExpectedBody, joint: Index, turn: Array, seen: npt.NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Log likelihood (P, F) of how the joints turn, and percentiles (P, F, 3, 3) of their angles, deg."""
+    """Return the log likelihood (P, F) of joint rotations, and percentiles (P, F, 3, 3) of angles in deg."""
     facings = body.rest.shape[1]
     angles_deg = np.zeros((len(joint), facings, 3, 3))
     turning = np.zeros((len(joint), facings))
     for facing in range(facings):
-        # the others turn alike, whichever way a thumb's receiver faces
+        # joints that do not depend on the roll are computed once
         depends = body.faced[joint] | (facing == 0)
         rest = np.swapaxes(body.rest[joint[depends], facing], 1, 2)[:, None]
-        turned = rest @ turn[depends]  # turns about y, z and x carried one by the other
+        turned = rest @ turn[depends]  # decomposed into intrinsic rotations about y, z and x
         radians = np.array(
             [
                 np.arctan2(-turned[..., 2, 0], turned[..., 0, 0]),
@@ -142,12 +151,28 @@ def _turning(body: ExpectedBody, joint: Index, low: Array, middle: Array, high: 
 
 
 def _tail(squared: Array, freedom: float = TURN_TAIL, dimensions: int = 1) -> Array:
-    """Log likelihood of a t distribution, 0 at its middle."""
+    """Return the log likelihood of a t distribution, relative to its centre."""
     return np.asarray(-(freedom + dimensions) / 2 * np.log1p(squared / freedom))
 
 
 def explain(body: ExpectedBody, shares: JointShares, choice: Index) -> Explanation:
-    """Explain hypotheses, each of which takes one of the shares for every joint: choice (H, J), indices."""
+    """Fit the expected body under each hypothesis.
+
+    Parameters
+    ----------
+    body : ExpectedBody
+        J joints and their expected properties.
+    shares : JointShares
+        Statistics of P series.
+    choice : array, shape (H, J)
+        Which of the series each hypothesis uses for each joint.
+
+    Returns
+    -------
+    Explanation
+        Log likelihoods, centres and angles.
+
+    """
     joint = shares.joint
     precision = 1.0 / body.sd_mm.reshape(-1, 6) ** 2
     gain = body.gain.reshape(-1, 6, SHARED)
@@ -155,7 +180,7 @@ def explain(body: ExpectedBody, shares: JointShares, choice: Index) -> Explanati
     weight = INDEPENDENT_FRAMES / body.gap_mm[joint] ** 2
     weighed = precision[joint]
     inner = np.linalg.inv(weight[:, None, None] * shares.normal + np.eye(6) * weighed[:, :, None])
-    # centre = inner (weight slope + own (expected + gain u)), for shared u
+    # centre = inner (weight slope + precision (expected + gain u)), with the shared unknowns u
     held = np.eye(6) * weighed[:, :, None] - weighed[:, :, None] * inner * weighed[:, None, :]
     pull = weighed * np.einsum("pij,pj->pi", inner, weight[:, None] * shares.slope)
     lean = np.einsum("pij,pj->pi", held, expected[joint])
@@ -177,7 +202,7 @@ def explain(body: ExpectedBody, shares: JointShares, choice: Index) -> Explanati
     scale = np.clip(1.0 + FREE_SCALE_SD * shared[:, 0], 0.01, 100.0)
     off = (centre - from_shared).reshape(*centre.shape[:2], 2, 3)
     centres = centre.reshape(off.shape)
-    # of a hand twice as large all is twice as large, so that no size closes better
+    # tolerances scale with the hand, so that no size has an advantage from smaller gaps
     distance_mm = np.linalg.norm(centres, axis=-1).reshape(len(centres), -1)
     reach = np.maximum(np.median(distance_mm, axis=-1, keepdims=True), 1e-3) / REACH_MM  # the median joint's
     size = np.where(body.has_anatomy, scale[:, None], reach)
@@ -200,25 +225,26 @@ def explain(body: ExpectedBody, shares: JointShares, choice: Index) -> Explanati
 
 
 DECISIVE = 4.0
-"""Log of the odds, the mistake's own rareness taken off, from which on it is named."""
+"""Log posterior odds above which a mistake is reported."""
 MOST = 4
+"""Largest number of mistakes that are reported."""
 OPEN_MM, CLOSER, CLOSED_MM = 5.0, 0.33, 40.0
-"""Gaps of joints without known anatomy: from which on a mistake is looked for, how much less it must be put
-right, and how small."""
+"""Rms gap of joints without known anatomy: above which mistakes are looked for; largest ratio and largest
+value after a correction."""
 AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
-"""Distance from a tracker's transmitter to what is worn (ours)."""
+"""Median distance of receivers from the transmitter, and SD of its logarithm (our estimate)."""
 MOVED_MM = 2.0
-"""A joint whose centre moves farther on its bones is another joint."""
+"""Displacement of a joint's centre above which a correction affects the joint."""
 BETTER = 0.95
-"""Share of the median gap below which joints close better."""
+"""Ratio of median gaps below which joints close better."""
 CLOSES, WIDER_MM = 0.8, 0.5
-"""Share of the median gap that axes which are put right leave at most; and by how much the median gap of the
-joints concerned may grow where a mistake is undone."""
+"""Largest ratio of median gaps after and before a correction of axes; largest increase of the median gap of
+the joints concerned by any other correction."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A hypothesis that holds, values of what is seen of it (`finding_sentences`), gain in log likelihood."""
+    """An accepted hypothesis, values of the evidence for its sentence, and its gain in log likelihood."""
 
     hypothesis: Hypothesis
     evidence: Values
@@ -227,7 +253,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Search:
-    """The mistakes found, likeliest first, and how well the motion is explained without them."""
+    """The mistakes found, likeliest first, the motion with all of them undone, and the fit to that motion."""
 
     mistakes: tuple[Mistake, ...]
     motion: SampledMotion
@@ -235,7 +261,26 @@ class Search:
 
 
 def find_mistakes(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Search:
-    """Find the mistakes of a motion, each decisively likelier than none with those before it undone."""
+    """Find the mistakes of a motion, one after another.
+
+    In each round the likeliest hypothesis is accepted and undone if its log odds exceed DECISIVE; at most
+    MOST are accepted.
+
+    Parameters
+    ----------
+    motion : SampledMotion
+        Sampled poses.
+    body : ExpectedBody
+        Expected joints.
+    hypotheses : sequence of Hypothesis
+        Mistakes to test.
+
+    Returns
+    -------
+    Search
+        Accepted mistakes, and the fit with all of them undone.
+
+    """
     mistakes: list[Mistake] = []
     left = list(hypotheses)
     while True:
@@ -263,7 +308,7 @@ def find_mistakes(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequenc
         evidence = {**_evidence(body, explanation, best + 1, chosen), **matters}
         mistakes.append(Mistake(chosen, evidence, float(gains[best])))
         motion = undone
-        left = [  # what has something to say once the chosen one is undone
+        left = [  # drop rivals of the accepted mistake: same kind and same receivers
             other
             for other in left
             if (other.kind, other.places) != (chosen.kind, chosen.places) or chosen.kind == "digits-swapped"
@@ -274,9 +319,9 @@ def find_mistakes(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequenc
 def _opens(
     body: ExpectedBody, explanation: Explanation, hypotheses: Sequence[Hypothesis]
 ) -> npt.NDArray[np.bool_]:
-    """Which hypotheses (H,) open the joints concerned, or do not close them though their kind has to.
+    """Return which hypotheses (H,) widen the gaps of the joints concerned, or do not narrow them as required.
 
-    Another unit has all gaps in another unit, and is judged by the hand's size.
+    Hypotheses on units are exempt: they scale all gaps, and are judged by the hand's size.
     """
     by_places = {places: body.concerned(places) for places in {h.places for h in hypotheses}}
     rows = [by_places[h.places] for h in hypotheses]
@@ -292,14 +337,14 @@ def _opens(
 
 
 def _away(motion: SampledMotion, hypotheses: Sequence[Hypothesis]) -> Array:
-    """Return how much likelier (H,) hypotheses make the receivers' distance from the transmitter."""
+    """Return by how much hypotheses raise the log likelihood of the receivers' distance, (H,)."""
     distances_mm = []
     for moved in (motion, *(hypothesis.undo(motion) for hypothesis in hypotheses)):
         distance = np.linalg.norm(moved.position_mm, axis=-1)
         medians = [
             np.median(d[seen]) for d, seen in zip(distance.T, moved.valid.T, strict=True) if seen.any()
         ]
-        if not medians or min(medians) <= 0:  # one is at the origin all along
+        if not medians or min(medians) <= 0:  # a receiver is at the origin throughout
             return np.zeros(len(hypotheses))
         distances_mm.append(float(np.median(medians)))
     unlikely = 0.5 * (np.log(np.array(distances_mm) / AWAY_MM) / AWAY_LOG_SD) ** 2
@@ -307,12 +352,12 @@ def _away(motion: SampledMotion, hypotheses: Sequence[Hypothesis]) -> Array:
 
 
 def explain_joints(motion: SampledMotion, body: ExpectedBody) -> Joints:
-    """The joints of a motion as it is."""
+    """Fit the expected body to a motion without any hypothesis."""
     return Joints.of(motion, _explain(motion, body, []))
 
 
 def _explain(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Explanation:
-    """Explain the motion as it is (first) and with each hypothesis undone; what it leaves alone is shared."""
+    """Fit the motion as it is (row 0) and with each hypothesis undone; unaffected joints are reused."""
     every: Index = np.arange(len(body.names))
     ends = body.ends.tolist()
     joints_at = {
@@ -330,7 +375,7 @@ def _explain(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hyp
 
 
 def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: Hypothesis) -> Values:
-    """The evidence of the joint and the measure that gain most."""
+    """Return the evidence for a hypothesis: the joint and the measure whose log likelihood gains most."""
     if hypothesis.kind == "units" and hypothesis.variant.startswith("positions"):
         if body.has_anatomy.any():
             return _compare_measure("scale", explained.scale, row)
@@ -339,7 +384,8 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
         )
     gained = [part[row] - part[0] for part in (explained.closing, explained.placed, explained.turning)]
     closes = explained.gap_mm[row] < 0.8 * explained.gap_mm[0]
-    if body.has_anatomy.all():  # of a hand whose size was absurd a gap may close better and be as wide
+    # with an absurd hand size, the likelihood of a gap may improve although the gap stays as wide
+    if body.has_anatomy.all():
         gained[0] = np.where(closes, gained[0], -np.inf)
     measure, joint = np.unravel_index(int(np.argmax(gained)), np.shape(gained))
     name = body.names[joint]
@@ -361,13 +407,13 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
 
 
 def _compare_measure(what: str, of_rows: Array, row: int) -> dict[str, Any]:
-    """A measure as declared and with a hypothesis undone."""
+    """Return a measure as declared and with a hypothesis undone, as values of a finding."""
     return {"seen": what, "before": of_rows[0], "after": of_rows[row]}
 
 
 @dataclass(frozen=True)
 class Joints:
-    """A motion's J joints as they are explained. centre_mm : (J, 2, 3) in both receivers. gap_mm : (J,)."""
+    """Fitted joints of a motion. centre_mm : (J, 2, 3) in both receivers' frames. gap_mm : (J,) rms gap."""
 
     motion: SampledMotion
     centre_mm: Array
@@ -376,7 +422,7 @@ class Joints:
 
     @classmethod
     def of(cls, motion: SampledMotion, explanation: Explanation, row: int = 0) -> Joints:
-        """Those of one hypothesis of an explanation."""
+        """Take the joints of one hypothesis (row) of an explanation."""
         scale = float(explanation.scale[row])
         return cls(motion, explanation.centre_mm[row], explanation.gap_mm[row], scale)
 
@@ -389,9 +435,10 @@ def effect(
     *,
     other_hand: bool = False,
 ) -> Values:
-    """Compare joints without a mistake: the joints' median gap, how many of them move, the hand's scale.
+    """Return the effect of undoing a mistake: median gap, number of joints that move, and the hand's scale.
 
-    places : receivers whose joints count; None: all. other_hand : whether undoing it mirrors the world.
+    before, after : joints with and without the mistake. places : receivers whose joints are compared, None
+    for all. other_hand : whether undoing the mistake mirrors the world.
     """
     concerned = body.concerned(places)
     gaps = [float(np.median(joints.gap_mm[concerned])) for joints in (before, after)]
@@ -409,7 +456,7 @@ def effect(
 
 
 def _apart_mm(body: ExpectedBody, before: Joints, after: Joints, *, mirrored: bool) -> Array:
-    """Return how far (J,) joints move from the receiver that sees more of it, in the world's axes."""
+    """Return how far joint centres move in the world's axes, (J,); the larger median of both receivers."""
     signs = MIRROR if mirrored else np.ones(3)
     first, second = (
         np.einsum("kjeab,jeb->kjea", joints.motion.rotation[:, body.ends], joints.centre_mm)

@@ -1,4 +1,4 @@
-"""Find what a recording does in time: flips to the other side, spikes, poses that stay, its clock."""
+"""Find faults of a recording in time: flips to the other side, spikes, constant poses, a wrong clock."""
 
 from __future__ import annotations
 
@@ -15,21 +15,32 @@ from shukotsu.arrays import Array, Bools, Index
 from shukotsu.readers.jumps import own_sides
 
 SPIKE_MM, SPIKE_DEG, SPIKE_TIMES = 60.0, 60.0, 8.0
+"""Smallest spike, and smallest multiple of the 90th percentile of all deviations."""
 STUCK_S, STUCK_FRAMES = 0.25, 20
+"""Shortest run of identical poses that counts as stuck; the longer of both."""
 MOVED_MM, ALL_ALONG = 5.0, 0.99
+"""Smallest motion of another receiver meanwhile; share of identical poses above which runs are ignored."""
 RATE_HZ, RATE_LOG_SD = 100.0, 1.1
+"""Typical frame rate, and SD of its logarithm."""
 SPEED_RAD_S, SPEED_LOG_SD = 1.5, 1.3
+"""Typical turning speed, and SD of its logarithm."""
 CLOCKS = (1e-3, 1e-6, 1e-9, 1e3, 1e6, 1e9)
+"""Factors by which times may be wrong."""
 CLOCK_MARGIN = 8.0
+"""Log odds above which a factor is accepted."""
 JUMP_MM, JUMP_DEG = 5.0, 30.0
+"""Median second difference of positions, and median turn per frame, above which poses jump about."""
 
 BLOCK_ROWS = 1 << 15
-"""Rows that are looked at at a time: of a long recording's numbers no more are in memory."""
+"""Number of rows processed at a time, which limits memory for long recordings."""
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """time_s (T,), NaN where unknown; position_mm (T, S, 3); quaternion (T, S, 4); valid (T, S)."""
+    """Poses of S receivers in T frames.
+
+    time_s : (T,), NaN if unknown. position_mm : (T, S, 3). quaternion : (T, S, 4). valid : (T, S).
+    """
 
     time_s: Array
     position_mm: Array
@@ -38,14 +49,14 @@ class Timeline:
 
     @property
     def interval_s(self) -> float:
-        """Median time between frames; NaN where times are not known."""
+        """Median time between frames, s; NaN if times are unknown."""
         steps = np.diff(self.time_s)
         steps = steps[np.isfinite(steps) & (steps > 0)]
         return float(np.median(steps)) if len(steps) else float("nan")
 
     @cached_property
     def same_as_before(self) -> Bools:
-        """Whether each receiver's poses (S, T - 1) are to the last bit those of the frame before."""
+        """Whether each receiver's pose is bitwise equal to that of the previous frame, (S, T - 1)."""
         n_frames, n_receivers = self.valid.shape
         same = [_same_as_before(self, receiver) for receiver in range(n_receivers)]
         return np.array(same, bool).reshape(n_receivers, max(0, n_frames - 1))
@@ -54,9 +65,10 @@ class Timeline:
 def _windows(
     rows: Index, more: int, function: Callable[[Index | slice], npt.NDArray[Any]]
 ) -> npt.NDArray[Any]:
-    """Apply a function to rows (N,) some at a time, each time to `more` beyond; return (..., N - more).
+    """Apply a function to rows (N,) in overlapping blocks, to save memory; return results (..., N - more).
 
-    Rows that follow each other it gets as a slice, which copies nothing.
+    more : number of rows by which a block overlaps the next one and by which results are shorter. Contiguous
+    rows are passed as a slice, which makes no copy.
     """
     count = max(0, len(rows) - more)
     ends = [(s, min(s + BLOCK_ROWS, count) + more) for s in range(0, max(count, 1), BLOCK_ROWS)]
@@ -69,7 +81,10 @@ def _windows(
 
 
 def sides(line: Timeline) -> npt.NDArray[np.int8]:
-    """Side of the transmitter of each pose (T, S): 1 mostly, -1 the other, 0 on the way; else as before."""
+    """Return the side of the transmitter of each pose (T, S): 1 the usual one, -1 the other, 0 in transit.
+
+    Invalid poses have the side of the previous pose.
+    """
     sign = np.ones(line.valid.shape, np.int8)
     for receiver in range(line.valid.shape[1]):
         rows = np.flatnonzero(line.valid[:, receiver])
@@ -81,13 +96,13 @@ def sides(line: Timeline) -> npt.NDArray[np.int8]:
 
 
 def away(sign: npt.NDArray[Any]) -> Index:
-    """Return how often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
+    """Return how often each receiver goes to the other side, (S,); sign : sides (T, S)."""
     other = sign < 0
     return np.asarray((other[1:] & ~other[:-1]).sum(0) + other[:1].sum(0))
 
 
 def spikes(line: Timeline) -> Bools:
-    """Poses (T, S) that are far off while those one or two rows before and after agree with each other."""
+    """Return spikes (T, S): poses far from those one or two rows before and after, which agree."""
     odd = np.zeros(line.valid.shape, bool)
     for receiver in range(line.valid.shape[1]):
         rows = np.flatnonzero(line.valid[:, receiver])
@@ -120,7 +135,7 @@ def _between_deg(first: Array, second: Array) -> Array:
 
 
 def stuck(line: Timeline) -> Bools:
-    """Poses (T, S) that stay the same to the last bit for long while another receiver moves."""
+    """Return poses (T, S) of runs that are bitwise constant while another receiver moves."""
     interval = line.interval_s
     least = max(STUCK_FRAMES, int(STUCK_S / interval)) if interval > 0 else STUCK_FRAMES
     still = np.zeros(line.valid.shape, bool)
@@ -142,7 +157,7 @@ def stuck(line: Timeline) -> Bools:
 
 
 def _same_as_before(line: Timeline, receiver: int) -> Bools:
-    """Whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
+    """Return whether a receiver's pose is bitwise equal to that of the previous frame, (T - 1,)."""
 
     def same(part: Index | slice) -> Bools:
         places, turns = (
@@ -155,7 +170,7 @@ def _same_as_before(line: Timeline, receiver: int) -> Bools:
 
 
 def zeros(line: Timeline) -> Bools:
-    """Poses (T, S) at the transmitter's own place and not turned, to the last bit, if not all along."""
+    """Return poses (T, S) that are exactly the identity, of receivers that also have other poses."""
     empty = np.zeros(line.valid.shape, bool)
     for receiver, valid in enumerate(line.valid.T):
 
@@ -170,7 +185,10 @@ def zeros(line: Timeline) -> Bools:
 
 
 def alike(line: Timeline) -> dict[tuple[int, int], Index]:
-    """Rows in which two receivers, of which one moves, have one pose to the last bit, by their places."""
+    """Return the rows in which two receivers have bitwise equal poses, by their indices.
+
+    Pairs of receivers that never move are left out.
+    """
     alike_rows: dict[tuple[int, int], list[Index]] = {
         pair: [] for pair in itertools.combinations(range(line.valid.shape[1]), 2)
     }
@@ -198,7 +216,7 @@ def alike(line: Timeline) -> dict[tuple[int, int], Index]:
 
 
 def repeated_share(line: Timeline) -> float:
-    """Share of frames in which every receiver stands as in the frame before."""
+    """Return the share of frames in which no receiver's pose differs from the previous frame's."""
     same = np.asarray(line.valid[1:].any(-1))
     for receiver, valid in enumerate(line.valid.T):
         same &= line.same_as_before[receiver] | ~valid[1:]
@@ -206,7 +224,7 @@ def repeated_share(line: Timeline) -> float:
 
 
 def true_clock(line: Timeline) -> float | None:
-    """The factor by which times are better seconds; None where they are right."""
+    """Return the factor that converts the times to plausible seconds; None if they are plausible already."""
     interval, speed = line.interval_s, turning_speed(line)
     if not (np.isfinite(interval) and speed > 0):
         return None
@@ -221,7 +239,10 @@ def true_clock(line: Timeline) -> float | None:
 
 
 def turning_speed(line: Timeline, most_frames: int = 12) -> float:
-    """Return how fast receivers turn, rad/s: the 90th percentile over so many frames, their median."""
+    """Return the receivers' median turning speed in rad/s; of each, the 90th percentile over some frames.
+
+    most_frames : largest number of frames over which a turn is measured.
+    """
     interval = line.interval_s
     stride = max(1, min(most_frames, len(line.valid) // 10))
     speeds = []
@@ -234,7 +255,7 @@ def turning_speed(line: Timeline, most_frames: int = 12) -> float:
 
 
 def _turned_deg(line: Timeline, receiver: int, rows: Index, stride: int) -> Array:
-    """Angles (N - stride,) between a receiver's poses in rows (N,), so many of them apart."""
+    """Return the angles in deg between a receiver's poses `stride` rows apart, (N - stride,); rows : (N,)."""
 
     def turned(part: Index | slice) -> Array:
         quaternion = line.quaternion[part, receiver]
@@ -244,7 +265,7 @@ def _turned_deg(line: Timeline, receiver: int, rows: Index, stride: int) -> Arra
 
 
 def jumps(line: Timeline, receiver: int) -> bool:
-    """Whether a receiver's poses jump about in most frames, as no body moves."""
+    """Return whether a receiver's poses jump about in most frames, unlike any body."""
     rows = np.flatnonzero(line.valid[:, receiver])
     if len(rows) < 5:
         return False

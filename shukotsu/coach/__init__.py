@@ -1,1 +1,1 @@
-"""The coach: what a hand's calibration still lacks, asked for and shown while it is recorded."""
+"""The coach: while a calibration is recorded, it requests the movements still needed and shows results."""

@@ -1,7 +1,7 @@
 """The coach: it receives frames in the recording's order and returns lines of advice at every time step.
 
-It uses neither a clock nor a file, so the same frames give the same lines. The next advice follows from the
-fit's posterior: stated errors select the joint to move, `gains` the measurement to take.
+It uses neither a clock nor a file, so that the same frames give the same lines. The advice follows from the
+fit's posterior: stated errors select the joint to move, and `gains` the measurement to take.
 """
 
 from __future__ import annotations
@@ -32,17 +32,18 @@ from shukotsu.tables.poses import Poses, joined_poses
 
 LEAST_FRAMES = 240
 MOST_FITTED = 60
-"""Frames of a fit: a third less time than with the study's hundred, stated errors within 1 % of theirs."""
+"""Largest number of frames in a fit: it takes a third less time than with a study's hundred, and stated
+errors differ by at most 1 %."""
 
 
 FINGERS = ("index", "middle", "ring", "little")
 FIRST = "free"
-"""The movement requested before any estimate: the most informative in the least time."""
+"""Movement that is requested before the first estimate: the most informative one per time."""
 
 
 @dataclass(frozen=True)
 class Movement:
-    """One movement. range_deg : by joint, the range it covers; seconds : duration of two repetitions."""
+    """A movement to request. range_deg : range by joint. seconds : duration of two repetitions."""
 
     name: str
     sentence: str
@@ -78,15 +79,16 @@ _ALL = (
              {"thumb_ip": 35}, 4.0),
 )  # fmt: skip
 MOVEMENTS = {movement.name: movement for movement in _ALL}
-"""All of them by name, with the ranges that docs/calibrate.md asks for; the order settles ties."""
+"""All movements by name, with the ranges requested in docs/calibrate.md; the order decides between equals."""
 
 
 @dataclass(frozen=True)
 class CoachedHand:
-    """A hand to calibrate, and what the study knows of it.
+    """A hand to calibrate, with the study's information on it.
 
-    layout : of this hand, with the requested error. model : one that fits the whole hand. whose : its cells
-    in a sheet, empty without a study. sizes_mm : by SIZES, as far as they are measured.
+    layout : layout of this hand, with the requested error. model : a model that fits the whole hand. whose :
+    the hand's cells in the study's sheet, empty without a study. sizes_mm : measured SIZES, None if not
+    measured.
     """
 
     hand: str
@@ -99,8 +101,9 @@ class CoachedHand:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The hand up to time_s of the recording. rows : judged rows of joint_centres, of joints between two
-    receivers.
+    """Estimate of the hand at time_s of the recording.
+
+    rows : judged rows of joint_centres, for joints between two receivers.
     """
 
     time_s: float
@@ -109,32 +112,32 @@ class Estimate:
 
     @property
     def open_joints(self) -> list[str]:
-        """Joints whose verdict is not "believe" yet."""
+        """Joints whose verdict is not yet "believe"."""
         return [name for name, row in self.rows.items() if row["verdict"] != BELIEVE]
 
 
-def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
-    """Fit the hand to all frames. Raises InputError where these are too few or not those of a hand."""
+def estimate(coached: CoachedHand, poses: Poses) -> Estimate:
+    """Fit the hand to all frames. Raises InputError if there are too few, or if they are not of a hand."""
     if len(poses.frame) < LEAST_FRAMES:
         raise InputError(
             f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
         )
-    fitting = whose.model.fitting
+    fitting = coached.model.fitting
     assert fitting is not None
     try:
         fit = fit_hand(
             [poses],
-            whose.layout,
-            whose.hand,
-            **whose.sizes_mm,
-            measurements=whose.measurements,
+            coached.layout,
+            coached.hand,
+            **coached.sizes_mm,
+            measurements=coached.measurements,
             settings=FitSettings(min(MOST_FITTED, fitting.frames), fitting.steps),
         )
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
     rows = {
-        row["joint"]: judged_joint(row, whose.layout.wanted_mm)
+        row["joint"]: judged_joint(row, coached.layout.wanted_mm)
         for row in joint_rows(fit)
         if row["joint"] in fit.joints
     }
@@ -143,25 +146,25 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
 
 STEP_S = 1.5
 CHECKED_S = 4.0
-"""The newest frames that are checked together as a recording is, and how often."""
+"""Duration of the newest frames that are checked like a recording, and interval of the checks."""
 LOOSE_S = 15.0
 """Interval of the search for loose receivers, which takes as long as an estimate."""
 LISTEN_S, PATIENCE = 1.0, 1.3
-"""Seconds to read a request, and the multiple of a movement's duration after which it counts as tried."""
+"""Time to read a request, and multiple of a movement's duration after which it counts as tried."""
 WORTH, MOST_VAIN = 0.1, 2
-"""A movement that lowers a joint's error by no more than this share had no effect on it; after this many
-without effect no further movement is requested for the joint."""
+"""A movement had no effect on a joint if it lowers its error by less than this share; after this many
+movements without effect no more are requested for the joint."""
 AGAIN = 1.1
-"""Once the calibration was sufficient, a joint's error must exceed the requested one by this factor before
-more is requested."""
+"""After a sufficient calibration, factor by which a joint's error must exceed the requested one before more
+movements are requested."""
 LATE_S = 2.0
-"""On a slow machine an estimate is skipped when the waiting frames are this much later."""
+"""Delay of the waiting frames above which an estimate is skipped, on a slow machine."""
 CHECKING, CALIBRATING, ENOUGH, ENDED = "checking", "calibrating", "enough", "ended"
 
 
 @dataclass
 class Request:
-    """The last request, its time, and the joints' errors then."""
+    """The current request, its time, and the errors of joints at that time."""
 
     movement: Movement
     began_s: float
@@ -170,10 +173,10 @@ class Request:
 
 @dataclass
 class Calibration:
-    """What is known since the recording began, or since a fault was corrected in it.
+    """State of a calibration since the recording began, or since a fault in it was corrected.
 
-    kept : frames to estimate from; newest : the last ones, to check. loose : a sentence for each receiver
-    that came loose. vain : how often a movement did not improve a joint. done : movements that were tried.
+    kept : frames for estimates. newest : last frames, for checks. loose : a sentence for each loose receiver,
+    by segment. vain : how often a movement did not improve a joint. done : movements that were tried.
     """
 
     began_s: float = 0.0
@@ -188,8 +191,10 @@ class Calibration:
 
 @dataclass
 class Coach:
-    """One hand's calibration. restarts : how often a fault was corrected during it; advice : the current
-    instruction; log : every line with its time.
+    """Coach of one hand's calibration.
+
+    advice : current instruction. findings : current faults, a sentence each. log : all lines with their
+    times. restarts : number of times that the calibration restarted after a fault was corrected.
     """
 
     hand: CoachedHand
@@ -207,8 +212,9 @@ class Coach:
     _loose_s: float = LOOSE_S
 
     def take(self, poses: Poses, *, may_leave_out: bool = False) -> list[str]:
-        """Add frames; return the new lines. may_leave_out : make no estimate for a step that many later
-        frames wait behind.
+        """Add frames; return the new lines.
+
+        may_leave_out : whether to skip the estimate of a step if frames more than LATE_S later are waiting.
         """
         logged = len(self.log)
         while len(poses.frame):
@@ -286,7 +292,7 @@ class Coach:
                     self._say(now.loose[segment])
 
     def _check(self) -> None:
-        """Check the newest frames as a recording is checked; a finding suspends requests."""
+        """Check the newest frames like a recording; findings suspend the requests."""
         assert self.calibration.newest is not None
         poses, layout, before = self.calibration.newest, self.hand.layout, self._silent
         checked = check_recording(poses, layout, self.hand.hand, Declared(kind="device"))
@@ -295,7 +301,7 @@ class Coach:
         silent = [name for name in layout.expected if not seen[poses.index(name)]]
         self._silent = (*((each.kind, each.variant) for each in wrong), *((name,) for name in silent))
         if self._silent == before and self.findings:
-            return  # the same: its numbers need not change before somebody's eyes
+            return  # the same faults: do not repeat them only because their numbers changed
         self.findings = [str(in_quotes(each.message)) for each in wrong]
         self.findings += [f"Nothing comes from the receiver on {name}: is it connected?" for name in silent]
         if self.findings:
@@ -332,9 +338,7 @@ class Coach:
             )
 
     def _advise(self, current: Estimate) -> None:
-        """Update the request: test whether it is done or was tried, then request the most useful movement or
-        declare the calibration sufficient.
-        """
+        """Request the most useful movement once the current one is done or was tried, or report "enough"."""
         now, before = self.calibration, self.phase
         if before == ENOUGH:
             worst_mm = max((_sd_mm(current, joint) for joint in self._useful(current)), default=0.0)
@@ -360,15 +364,15 @@ class Coach:
             return
         self.phase, now.request = ENOUGH, None
         self.advice = f"Enough: {self.summary()}"
-        if before != ENOUGH:  # said once: only its numbers change while nothing else would help
+        if before != ENOUGH:  # report it once; afterwards only its numbers change
             self._say(self.advice)
 
     def _useful(self, current: Estimate) -> list[str]:
-        """Return joints that are not good enough and that further movements may improve."""
+        """Return the joints that are not good enough and that further movements may improve."""
         return [joint for joint in current.open_joints if self.calibration.vain[joint] < MOST_VAIN]
 
     def _is_over(self, request: Request, current: Estimate) -> bool:
-        """Whether a movement is done, judging by the joints that need it, or has timed out."""
+        """Return whether a movement is done, judged by the joints that need it, or has timed out."""
         movement, elapsed_s = request.movement, self.time_s - request.began_s
         needed = movement.range_deg.keys() & set(current.open_joints)
         shown = all(current.rows[joint]["range_deg"] >= movement.range_deg[joint] for joint in needed)
@@ -389,7 +393,7 @@ class Coach:
 
 
 def joint_lines(current: Estimate | None) -> list[str]:
-    """Format every joint with its stated error and verdict, a line each."""
+    """Format every joint with its stated error and verdict, one line per joint."""
     rows = [] if current is None else current.rows.values()
     return [
         f"{row['joint']:<14} {row['sd_mm']:6.2f} mm  {row['verdict']:<8} {first_reason(row)}".rstrip()
@@ -398,7 +402,7 @@ def joint_lines(current: Estimate | None) -> list[str]:
 
 
 def first_reason(row: Mapping[str, object]) -> str:
-    """Return why a joint is not believed; empty where it is."""
+    """Return the first reason why a joint is not believed, or "" if it is."""
     return "" if row["verdict"] == BELIEVE else next(iter(reasons_of(row)), "")
 
 

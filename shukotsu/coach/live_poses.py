@@ -1,4 +1,4 @@
-"""Poses of a growing archive, decoded piece by piece, each frame once it is complete.
+"""Decode the poses of a growing archive piece by piece, each frame as soon as it is complete.
 
 The pieces come from a recorded archive or from a recorder process, which stores every byte independently of
 the coach.
@@ -28,16 +28,16 @@ from shukotsu.tracker.stream import PieceReader, Tally
 from shukotsu.tracker.survey import SOURCE_FAILURES
 
 MOST_FRAMES = 6000
-"""Frames kept of a recording; of a longer one every second, then every fourth frame. The selection of frames
-to fit considers 1500."""
+"""Largest number of frames kept for estimates; of longer recordings every second, then every fourth frame is
+kept. A fit selects its frames from 1500."""
 LATE_FRAMES = 2
-"""A frame is complete once one this much later has begun."""
+"""A frame is complete when a frame later by this number has begun."""
 _RECORD = np.dtype([("frame", "i8"), ("segment", "i8"), ("numbers", "f8", 7)])
-"""A record that waits for the rest of its frame; segment : in the layout."""
+"""A record waiting for its frame to be complete; segment : index in the layout, -1 if it is not in it."""
 
 
 class LivePoses:
-    """Turns the pieces of an archive, in order, into poses. where : the archive's name, for messages."""
+    """Decoder of an archive's pieces, in order, into poses. where : name of the archive, for messages."""
 
     def __init__(self, layout: Layout, where: Path) -> None:
         self._layout, self._where = layout, where
@@ -56,8 +56,9 @@ class LivePoses:
         return self._reader.tally.summary is not None
 
     def add(self, piece: Piece) -> Poses | None:
-        """Take a piece; return the frames that it completed, if any. Raises InputError where stations are not
-        the layout's.
+        """Add a piece; return the frames that it completes, or None.
+
+        Raises InputError if the recording's stations are not those of the layout.
         """
         self._reader.add(piece)
         decoder = self._reader.decoder
@@ -103,7 +104,7 @@ class LivePoses:
         return Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid)
 
     def _one_side(self, position_mm: Array, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Whether the receiver of a pose (T, S) has not jumped to its mirror image."""
+        """Return whether each pose (T, S) is on the side of the transmitter on which its receiver began."""
         same = np.ones(valid.shape, bool)
         for column in range(valid.shape[1]):
             rows = np.flatnonzero(valid[:, column])
@@ -121,12 +122,13 @@ class LivePoses:
 
 
 MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
-"""A jump between two frames larger than this, and ending closer than this to the mirror image, is a flip."""
+"""Smallest step of a flip, and largest distance from the mirror image after it, as a share of the step."""
 
 
 class EvenFrames:
-    """Keeps frames of a recording of any length, evenly: at most MOST_FRAMES, of which it drops every second
-    when they are too many.
+    """Evenly spaced frames of a recording of any length.
+
+    At most MOST_FRAMES are kept; when there are more, every second one is dropped.
     """
 
     def __init__(self) -> None:
@@ -134,7 +136,7 @@ class EvenFrames:
         self._stride, self._seen, self._kept = 1, 0, 0
 
     def add(self, poses: Poses) -> None:
-        """Take frames, in order."""
+        """Add frames, in order."""
         rows = np.arange(self._seen, self._seen + len(poses.frame)) % self._stride == 0
         self._seen += len(poses.frame)
         self._parts.append(poses.take(np.flatnonzero(rows)))
@@ -154,8 +156,9 @@ ENDS_WITHIN_S = 20.0
 
 
 class Replayed:
-    """The pieces of a recorded archive, each no earlier than it came; speed : 2 for twice as fast, 0 for as
-    fast as they are read.
+    """The pieces of a recorded archive, replayed at the pace of the recording.
+
+    speed : 2 for twice as fast, 0 for as fast as possible.
     """
 
     def __init__(self, path: Path, speed: float) -> None:
@@ -167,11 +170,11 @@ class Replayed:
 
     @property
     def ended(self) -> bool:
-        """Whether no more will come."""
+        """Whether all pieces have been read."""
         return self._next is None
 
     def read(self) -> list[Piece]:
-        """Return the next piece, if it has come by now."""
+        """Return the next piece if its time has come, else nothing."""
         piece = self._next
         if piece is None:
             return []
@@ -185,7 +188,7 @@ class Replayed:
 
 
 class Recorder:
-    """Records into an archive until `stop`, and reads what was written. notes : lines of its output."""
+    """A recorder process, and the archive that it writes. notes : lines of the process's output."""
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         self._archive = FollowedArchive(out)
@@ -197,7 +200,7 @@ class Recorder:
             stderr=subprocess.STDOUT,
             encoding="utf-8",
             errors="replace",
-            start_new_session=True,  # Ctrl-C is the coach's, which ends it in turn
+            start_new_session=True,  # Ctrl-C reaches only the coach, which then stops the recorder
         )
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -208,11 +211,11 @@ class Recorder:
 
     @property
     def ended(self) -> bool:
-        """Whether no more will come."""
+        """Whether the recording has ended."""
         return self._archive.ended or self._process.poll() is not None
 
     def read(self) -> list[Piece]:
-        """Return what was written since the last call."""
+        """Return the pieces written since the last call."""
         return self._archive.read()
 
     def stop(self) -> int:
@@ -229,4 +232,4 @@ class Recorder:
 
 
 Source = Replayed | Recorder | FollowedArchive
-"""Sources of an archive's pieces."""
+"""Source of an archive's pieces."""

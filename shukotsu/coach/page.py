@@ -1,4 +1,4 @@
-"""The coach's page: one HTML file that loads itself again, with the hand, every joint and the advice."""
+"""The coach's page: an HTML file that reloads itself, with the hand, all joints and the advice."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from shukotsu.report.palette import css
 from shukotsu.tables.whole_files import write_text
 
 EVERY_S = 1.0
-"""Interval at which it is written and reloads."""
+"""Interval at which the page is written and reloads itself."""
 MOST_LINES = 8
-"""Lines of the log, the newest."""
+"""Number of the newest lines of the log that are shown."""
 _TEMPLATE = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
     autoescape=True,
@@ -31,7 +31,25 @@ _TEMPLATE = jinja2.Environment(
 
 
 def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
-    """Write the page, whole or not at all. message : shown on top. Raises StorageError."""
+    """Write the page atomically.
+
+    Parameters
+    ----------
+    path : Path
+        The HTML file.
+    coach : Coach
+        State of the calibration.
+    title : str
+        Title of the page.
+    message : str
+        Warning to show at the top, or "".
+
+    Raises
+    ------
+    StorageError
+        If the file cannot be written.
+
+    """
     now = coach.calibration
     rows = {} if now.estimate is None else now.estimate.rows
     text = _TEMPLATE.render(
@@ -52,7 +70,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
 
 
 def _draw_hand(coach: Coach, rows: Rows) -> Markup | None:
-    """Draw the hand in the newest frame with most valid receivers, drawn as the report draws it."""
+    """Draw the hand as in the report, in the newest of the frames with the most valid receivers."""
     poses, hand = coach.calibration.newest, coach.hand
     if poses is None or not rows:
         return None

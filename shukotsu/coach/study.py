@@ -1,4 +1,4 @@
-"""What a study says of a hand, and the row in its sheet of recordings that a calibration becomes."""
+"""Read a study's information on a hand, and add the calibration to its sheet of recordings."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ from shukotsu.tables.text_files import decode_text, reading
 from shukotsu.tables.whole_files import replacing
 
 CAPTURES = "captures"
-"""Folder of archives, beside the study file or in the working folder."""
+"""Folder of archives, next to the study file or in the working folder."""
 USUAL_LAYOUT, USUAL_MODEL, TASK = "liberty16", "whole-hand", "rom"
 _BOM = b"\xef\xbb\xbf"
 
 
 def hand_alone(layout: str | None, hand: str) -> CoachedHand:
-    """A hand without a study. Raises InputError where the layout does not exist or is not of a hand."""
+    """Return a hand without a study. Raises InputError if the layout does not exist or is not of a hand."""
     return _checked(CoachedHand(hand, read_layout(layout or USUAL_LAYOUT), read_model(USUAL_MODEL)))
 
 
 def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> CoachedHand:
-    """A hand as the study describes it; layout : instead of the study's. Raises InputError where the study
-    cannot be read.
+    """Return a hand as described by a study.
+
+    layout : layout to use instead of the study's. Raises InputError if the study cannot be read.
     """
     config = read_config(study, "study")
     person = next((row for row in _rows(study, config, PARTICIPANTS.name) if row["subject"] == subject), None)
@@ -61,7 +62,7 @@ def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> 
 
 
 def _checked(hand: CoachedHand) -> CoachedHand:
-    """Return the hand with the layout of its side. Raises InputError where that is not of a hand."""
+    """Return the hand with the layout of its side. Raises InputError if the layout is not of a whole hand."""
     if reason := no_whole_hand(hand.layout, hand.model.name):
         raise InputError(reason)
     return replace(hand, layout=hand.layout.of_hand(hand.hand))
@@ -73,18 +74,40 @@ def _rows(study: Path, config: Mapping[str, Any], name: str) -> list[Row]:
 
 
 def new_archive(folder: Path, whose: Mapping[str, str], hand: str) -> Path:
-    """The name of the next archive, which is not there yet: captures/03_right_rom.arrows."""
+    """Return the path of the next archive that does not exist yet, such as captures/03_right_rom.arrows."""
     stem = "_".join(path_token(part) for part in (whose.get("subject", ""), hand, TASK) if part)
     names = [stem, *(f"{stem}_{number}" for number in range(2, 1000))]
     return next(path for name in names if not (path := folder / CAPTURES / f"{name}.arrows").exists())
 
 
 def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclude: str = "") -> Path:
-    """Add a recording to the study's sheet of recordings, as the next repetition of its task; return the
-    sheet. exclude : why the study shall leave it out.
+    """Add a recording to the study's sheet of recordings, as the next repetition of its task.
 
-    Every byte of the sheet stays; a column that only this row needs is added to its header. Raises InputError
-    where the sheet with the row would be refused, and StorageError; it is then as before.
+    All bytes of the sheet are kept; columns that only the new row needs are appended to its header.
+
+    Parameters
+    ----------
+    study : Path
+        The study file.
+    whose : mapping
+        Subject and hand.
+    archive : Path
+        The recording.
+    exclude : str
+        Reason why the study should exclude it, or "".
+
+    Returns
+    -------
+    Path
+        The sheet.
+
+    Raises
+    ------
+    InputError
+        If the sheet would be invalid with the new row; it is left unchanged.
+    StorageError
+        If the sheet cannot be written; it is left unchanged.
+
     """
     config = read_config(study, "study")
     key = {**whose, "session": "", "task": TASK}
@@ -93,7 +116,7 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     trial = next(name for name in ("", *map(str, range(2, len(trials) + 3))) if name not in trials)
     file = Path(os.path.relpath(archive, study.parent)).as_posix()
     cells = {**key, "trial": trial, "role": "calibration", "file": file, "exclude": exclude}
-    sheet = Path(os.path.realpath(study.parent / config["recordings"]))  # a link stays one
+    sheet = Path(os.path.realpath(study.parent / config["recordings"]))  # keeps a symbolic link
     with reading(sheet, "the sheet of recordings"):
         data = read_whole(sheet, "the sheet of recordings", limits.SHEET_BYTES)
     parts = re.split(r"(\r\n|\r|\n)", decode_text(sheet, data, "the sheet of recordings"))

@@ -1,1 +1,1 @@
-"""From whatever a lab has to the poses table: a file, in any format, becomes samples, and these the table."""
+"""Read recordings of any format: a file becomes samples, which are checked and written as a poses table."""

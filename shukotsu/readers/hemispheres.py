@@ -1,16 +1,17 @@
-"""On which side of the transmitter each receiver is, and when: which positions are mirror images.
+"""Decide on which side of the transmitter each receiver is, and so which positions are mirror images.
 
-A magnetic tracker knows a position only up to its sign. Where a receiver jumps to the other side its own
-positions show (`readers.jumps`), but not which side is right. Three things tell, weighed together over
-the layout's tree: a joint's two receivers agree about its centre on one pair of sides and not on the other,
-unless one of them stands still; the centre lies near both, and of a hand where anatomy has it; and most
-poses of a receiver are right.
+A magnetic tracker measures a position only up to its sign. A receiver's own positions show when it jumps to
+the other side (`readers.jumps`), but not which side is right. Three kinds of evidence are combined over the
+layout's tree: a joint centre fits both receivers for one combination of sides but not for the other, unless
+one of them does not move; the centre is near both receivers and, in a hand, where anatomy expects it; and
+most poses of a receiver are on the right side.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -22,39 +23,40 @@ from shukotsu.readers.jumps import OwnSides, solve_centres
 from shukotsu.study.layout import Layout
 
 LONGEST_LEVER_MM = 600.0
+"""Distance of a joint's centre from its receivers beyond which it is implausible."""
 SAMPLED, TRIED, FRAMES_A_TRIAL = 300, 80, 4
-"""Frames by which a centre is judged, centres that are tried, and frames that each is computed from."""
+"""Frames used to judge a centre, number of random trials, and frames from which each trial is computed."""
 LARGEST_GAP_MM, SKIN_MM = 30.0, 8.0
-"""Gaps of a joint's receivers about its centre in most frames: the largest, and one that tells nothing."""
+"""Median gap of a joint: the largest that is accepted, and the size that skin motion explains."""
 CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 3.0, 4.0, 0.6
-"""Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses
-that are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
+"""Weights in log odds: the joint's gap, its centre's distance from the receivers, its expected position, the
+majority of poses, and the first pose. Anatomy alone never outweighs a receiver that stays on one side."""
 FEWEST_JOINTS = 3
-"""Fewest joints from which anatomy may decide that a whole recording is on the other side."""
+"""Smallest number of joints from which anatomy may decide that a whole recording is on the wrong side."""
 DECIDED = 1.0
-"""Log odds from which on the side of a receiver is taken as decided."""
+"""Log odds above which the side of a receiver counts as decided."""
 CERTAIN = 5.0
-"""Log odds from which on a joint overrules the side suggested by a receiver's own positions."""
+"""Log odds above which joints overrule the side that a receiver's own positions suggest."""
 
 Poses = tuple[Integers, Array]
-"""Frames (N,) and numbers (N, 7) of a receiver's poses that are valid."""
+"""Frames (N,) and numbers (N, 7) of a receiver's valid poses."""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """pieces : of the receiver's time, signs as they are best taken. decided : whether anything tells so."""
+    """A receiver's pieces with their most likely signs; decided : whether the evidence is sufficient."""
 
     pieces: OwnSides
     decided: bool
 
     def sign(self, frame: Integers) -> Integers:
-        """Return 1, -1 where frames (N,) are mirrored, 0 on the way; where undecided no side is mirrored."""
+        """Return -1 for mirrored frames, 0 in transit, else 1, (N,); no frame is mirrored if undecided."""
         sign = self.pieces.sign[self.pieces.piece_at(frame)]
         return sign if self.decided else np.abs(sign)
 
 
 def expected_joints(layout: Layout) -> dict[str, Array]:
-    """Return the expected joint towards the body, (3,) mm in the receiver's frame, by segment of a hand."""
+    """Return the expected position of each segment's proximal joint, (3,) mm in its receiver's frame."""
     expected_mm = {}
     for digit in known_digits(layout):
         for bone, name in enumerate(digit.segments):
@@ -75,10 +77,25 @@ def sides(
 ) -> dict[str, Sides]:
     """Decide the sides of all receivers together.
 
-    receivers : by segment, what its own positions tell. poses : gives a segment's poses. parents : of a
-    segment the one towards the body. expected_mm : see `expected_joints`. all_along : whether all may be on
-    the other side in all poses, of which anatomy alone tells: then joints lie opposite to where they are
-    expected.
+    Parameters
+    ----------
+    receivers : mapping
+        Pieces of each segment's recording, from its own positions.
+    poses : callable
+        Function from a segment to its valid poses.
+    parents : mapping
+        Proximal neighbour of each segment.
+    expected_mm : mapping
+        See `expected_joints`.
+    all_along : bool
+        Whether all receivers may be on the wrong side in all poses. Only anatomy can show that: all joints
+        then lie opposite to their expected positions.
+
+    Returns
+    -------
+    dict of str to Sides
+        By segment.
+
     """
     links = [(parents[name], name) for name in receivers if parents.get(name, "") in receivers]
     settled = _settle(receivers, poses, links)
@@ -86,7 +103,7 @@ def sides(
     for parent, child in links:
         pair = _pair(settled[parent], poses(parent), settled[child], poses(child))
         tables[child] = _odds(pair, expected_mm.get(child))
-    share = {}  # log likelihood (2,) of the signs as they are and of their opposites, by what poses are right
+    share = {}  # log likelihood (2,) of the signs and their opposites, from the majority and the first pose
     for name, receiver in settled.items():
         sign = receiver.sign[receiver.piece_at(poses(name)[0])]
         right = SHARE * sign.sum() / max(1, np.abs(sign).sum()) + START * sign[0]
@@ -108,9 +125,10 @@ def sides(
 def _marginal(
     share: Mapping[str, Array], tables: Mapping[str, Array], parents: Mapping[str, str]
 ) -> dict[str, float]:
-    """Return log odds of each receiver's signs against their opposites, all others weighed over the tree.
+    """Return the marginal log odds of each receiver's signs against their opposites (belief propagation).
 
-    tables : of a child, (2, 2) log likelihood by its parent's signs (as they are, opposite) and its own.
+    share : (2,) log likelihood of each receiver's signs and their opposites. tables : for each child, (2, 2)
+    log likelihood by its parent's signs (as they are, opposite) and its own signs.
     """
 
     def depth(name: str) -> int:
@@ -129,7 +147,7 @@ def _marginal(
 
 @dataclass(frozen=True)
 class _Pair:
-    """Poses (N, 7) of two receivers at one time, put on one side each as best known, and their runs (N,)."""
+    """Simultaneous poses (N, 7) of two receivers, with their present signs applied, and their runs (N,)."""
 
     parent: Array
     child: Array
@@ -138,7 +156,7 @@ class _Pair:
 
 
 def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
-    """Return both receivers at the child's frames, the parent interpolated where they are not in step."""
+    """Return both receivers at the child's frames; the parent is interpolated if they are not in step."""
     frames, positions, runs = [], [], []
     for sided_by, (frame, numbers) in ((parent, above), (child, below)):
         piece = sided_by.piece_at(frame)
@@ -160,7 +178,7 @@ def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled
 
 
 def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Integers, Array]:
-    """Return rows of the child's frames that lie between two of the parent's, those, and how near each is."""
+    """Return rows of the child between two rows of the parent, these two rows, and the fraction between."""
     if len(parent) < 2 or not len(child):
         empty = np.zeros(0, np.int64)
         return empty, empty, empty, np.zeros(0)
@@ -174,14 +192,18 @@ def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Int
 def _settle(
     receivers: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
 ) -> dict[str, OwnSides]:
-    """Put runs of a receiver on one side by its joints, where its own positions let guess only."""
+    """Flip those runs of receivers that their joints contradict.
+
+    Only receivers with several runs are changed: their own positions leave the runs' relative signs
+    uncertain.
+    """
     votes = {name: np.zeros(receiver.run[-1] + 1) for name, receiver in receivers.items()}
     for parent, child in links:
         unsure = [len(votes[name]) > 1 for name in (parent, child)]
         if not any(unsure):
             continue
         pair = _pair(receivers[parent], poses(parent), receivers[child], poses(child), 10**9)
-        signs = np.array([(x, y) for x in (1, -1)[: 1 + unsure[0]] for y in (1, -1)[: 1 + unsure[1]]])
+        signs = np.array(list(product(*((1, -1) if several else (1,) for several in unsure))))
         link = _Link.of(pair, signs)
         centre = link.centre()
         if centre is None:
@@ -198,7 +220,7 @@ def _settle(
 
 
 def _odds(pair: _Pair, expected_mm: Array | None) -> Array:
-    """Return log likelihoods (2, 2) by the parent's signs, as they are or opposite, and the child's."""
+    """Return log likelihoods (2, 2) by the parent's and the child's signs, each as they are or opposite."""
     odds = np.zeros((2, 2))
     if len(pair.child) < FRAMES_A_TRIAL:
         return odds
@@ -218,24 +240,27 @@ def _odds(pair: _Pair, expected_mm: Array | None) -> Array:
 
 @dataclass(frozen=True)
 class _Link:
-    """Two receivers in N frames: turn (N, 3, 6) centre = apart (N, C, 3) of some choice of C signs."""
+    """Equations of a joint's centre in N frames for C choices of signs.
+
+    turn (N, 3, 6) @ centre (6,) = apart (N, C, 3), in mm.
+    """
 
     turn: Array
     apart: Array
 
     @classmethod
     def of(cls, pair: _Pair, signs: Integers) -> _Link:
-        """Return that of signs (C, 2) of parent and child to choose from."""
+        """Build the equations; signs : (C, 2) choices of the signs of parent and child."""
         turn = np.concatenate([matrix(pair.parent[:, 3:]), -matrix(pair.child[:, 3:])], -1)
         parent, child = signs[:, :1] * pair.parent[:, None, :3], signs[:, 1:] * pair.child[:, None, :3]
         return cls(turn, child - parent)
 
     def gaps_mm(self, centre: Array) -> Array:
-        """Return the gap (N, C) about a centre (6,) in either frame, by frame and choice of signs."""
+        """Return the gaps (N, C) of a centre (6,) by frame and choice of signs."""
         return np.asarray(np.linalg.norm((self.turn @ centre)[:, None] - self.apart, axis=-1))
 
     def fitted(self) -> tuple[Array, float]:
-        """Return the centre on the first choice of signs, but of frames that do not close, and the gap."""
+        """Return the centre for the first choice of signs, robust against large gaps, and its median gap."""
         weight = np.ones(len(self.turn))
         for _ in range(8):
             root = np.sqrt(weight)[:, None]
@@ -247,7 +272,7 @@ class _Link:
         return centre, usual_mm
 
     def centre(self) -> Array | None:
-        """Return the centre about which most frames close on some choice of signs; None where few do."""
+        """Return the centre with the smallest median gap for each frame's best signs; None if too large."""
         count = len(self.turn)
         if count < FRAMES_A_TRIAL:
             return None
@@ -262,7 +287,7 @@ class _Link:
                     best, best_mm = centre, usual_mm
         if best is None or best_mm > LARGEST_GAP_MM:
             return None
-        for _ in range(3):  # the least-squares centre of the frames that close about the last
+        for _ in range(3):  # least squares over the frames that close about the previous centre
             gaps_mm = few.gaps_mm(best)
             rows, chosen = np.arange(len(gaps_mm)), gaps_mm.argmin(1)
             closes = gaps_mm[rows, chosen] < LARGEST_GAP_MM
@@ -271,7 +296,7 @@ class _Link:
         return best
 
     def _trial(self, rows: Integers) -> Array:
-        """Return centres (M, 6) on which those frames close, of all their choices of signs."""
+        """Return centres (M, 6) that close in these frames, for all combinations of their signs."""
         choices = np.indices((self.apart.shape[1],) * len(rows)).reshape(len(rows), -1)
         apart = self.apart[rows[:, None], choices].swapaxes(0, 1).reshape(choices.shape[1], -1)
         turn = self.turn[rows].reshape(-1, 6)

@@ -1,4 +1,4 @@
-"""Import of a recording's file into its poses table, with options of a command line."""
+"""Import a recording's file into a poses table: command-line options and the import itself."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 _DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
-"""Keys of a mapping that say what its numbers are, for the checks."""
+"""Keys of a mapping that describe its numbers; stored in the table for the checks."""
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command and of the stage."""
     parser = command_line.parser(
         "shukotsu import",
-        "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
+        "Import a recording as a poses table: check units and frames, keep gaps and name their causes.",
         "shukotsu import --in rom.csv --layout liberty16 --subject 01 --hand right "
         "--task rom --out poses.parquet",
         records_failure=True,
@@ -36,28 +36,28 @@ def build_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--in", dest="file", type=Path, required=True, help="the recording")
     add("--out", type=Path, required=True, help="the poses table to write")
-    add("--format", choices=(AUTO, *UNMAPPED), default=AUTO, help="auto goes by the ending")
-    add("--mapping", type=Path, help="how to read a file that is not this project's own (docs/mappings.md)")
+    add("--format", choices=(AUTO, *UNMAPPED), default=AUTO, help="format of the file; auto: by its ending")
+    add("--mapping", type=Path, help="mapping that describes another program's file (docs/mappings.md)")
     add(
         "--repair-hemisphere",
         action="store_true",
-        help="put back positions that are on the other side of the transmitter, at times or all along; "
-        "without it those that jumped are gaps",
+        help="put back positions that are on the wrong side of the transmitter, at times or throughout; "
+        "without it, those that jumped become gaps",
     )
-    add("--layout", required=True, help="a layout that ships, or a path")
-    add("--subject", required=True, help="whose hand it is")
-    add("--session", default="", help="which session, where receivers were taken off and put on anew")
+    add("--layout", required=True, help="name of a shipped layout, or a path")
+    add("--subject", required=True, help="whose hand was recorded")
+    add("--session", default="", help="session, if receivers were taken off and put on again")
     add("--hand", required=True, choices=("right", "left"), help="which hand")
-    add("--task", required=True, help="what was done")
-    add("--trial", default="", help="which repetition, where there are several")
+    add("--task", required=True, help="task that was recorded")
+    add("--trial", default="", help="number of the repetition, if there are several")
     return parser
 
 
 def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
-    """Return the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
+    """Return the reader of the mapping's format, else of the named one, or for "auto" of the file's ending.
 
-    The recording comes part by part, at least one; what a part notes is of the whole recording.
-    Raises InputError where the ending is none that is known, or is one that needs a mapping.
+    The reader yields a recording in one or more parts; a part's notes are about the whole recording. Raises
+    InputError if the ending is unknown or that of a format that needs a mapping.
     """
     from shukotsu.readers.samples import Samples
     from shukotsu.tables.text_files import open_text
@@ -68,7 +68,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     else:
         named = format_of(path) if name == AUTO else FORMATS[name]
         if named is None or named.needs_mapping:
-            with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
+            with suppress(OSError), open_text(path):  # a spreadsheet or pipe raises a more specific error
                 pass
             endings = ", ".join(ending for name in UNMAPPED for ending in FORMATS[name].endings)
             raise InputError(
@@ -87,7 +87,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
 
 
 def import_recording(arguments: argparse.Namespace) -> None:
-    """Read the recording, check it, write the table; notes on what is not there go to stderr."""
+    """Read a recording, check it and write its poses table; notes go to stderr."""
     from shukotsu.errors import reading_what_was_brought
     from shukotsu.readers.hemispheres import expected_joints
     from shukotsu.readers.poses_table import poses_table
@@ -115,23 +115,21 @@ def import_recording(arguments: argparse.Namespace) -> None:
     table = poses_table(parts(), parents, folder, expected_mm=expected_mm, repair_hemisphere=repair)
     with closing(table) as poses:
         remarks = join_samples(parts_without_rows)
-        # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
+        # Segments that a mapping does not mention carried no receiver, so they are not reported as absent.
         seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
         worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
         absent = [s for s in layout.expected if s in worn and s not in seen]
-        said = [*remarks.notes, *poses.notes]
-        notes = list(said)
+        stored_notes = [*remarks.notes, *poses.notes]
+        notes = list(stored_notes)
         if absent:
-            notes.append(
-                f"no pose of {', '.join(absent)} ({len(absent)} of "
-                f"{count_of(len(layout.measured), 'segment')})"
-            )
+            segments = count_of(len(layout.measured), "segment")
+            notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {segments})")
         notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
         for note in notes:
             print(f"note: {arguments.file}: {note}", file=sys.stderr)
         inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
         inputs += [] if arguments.mapping is None else [arguments.mapping]
-        parameters = {**_parameters(arguments, layout.name, absent), "notes": said}
+        parameters = {**_parameters(arguments, layout.name, absent), "notes": stored_notes}
         parameters["unmapped"] = [s for s in layout.expected if s not in worn]
         if mapping is not None:
             declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
@@ -145,14 +143,17 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
 
 def import_for_the_moment(file: Path, layout: str, hand: str, out: Path, *more: str) -> None:
-    """Import a recording of whomever, to look at its poses; more : options. InputError as in any import."""
+    """Import a recording of an unnamed subject, only to inspect its poses. Raises InputError as any import.
+
+    more : additional command-line options.
+    """
     which = [f"--in={file}", f"--layout={layout}", f"--hand={hand}", f"--out={out}"]
-    silent = [*which, "--subject=-", "--task=-", "--record-failure"]  # leaves findings to who asks
+    silent = [*which, "--subject=-", "--task=-", "--record-failure"]  # the caller reports findings
     import_recording(build_parser().parse_args([*silent, *more]))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write the table without rows and the reason, the recording named without its folder."""
+    """Write the table without rows, with the reason; the recording is named without its folder."""
     from shukotsu.tables.catalogue import POSES
     from shukotsu.tables.typed_table import Provenance, write_failure
 

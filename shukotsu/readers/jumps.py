@@ -1,13 +1,14 @@
-"""Find jumps of a receiver: to its mirror image, at any rate and through any filter, or away and back. Find
-breaks: from some frame on it permanently contradicts its neighbours, or two receivers change places.
+"""Find jumps and breaks of receivers.
 
-A magnetic tracker knows a position only up to its sign. From one frame to the next no receiver goes from p to
-near -p; the tracker's filter smears that jump over some frames, through the transmitter, where none can be.
+Jumps: a receiver moves to its mirror image, or away and back within a few frames. A magnetic tracker measures
+a position only up to its sign. No receiver can really move from p to near -p between two frames; the
+tracker's filter may smear the jump over several frames, on a path through the transmitter.
 
-A receiver that fell off hangs from its cable; a program changes the unit or an order in the middle of a file.
-At that moment the distance to a neighbour leaps, or the receiver turns at once, as no joint lets it; and the
-joint, which no centre closes over the whole recording, closes on one side. What slips on its bone moves by
-less, and is left to the fit.
+Breaks: from some frame on a receiver permanently contradicts its neighbours, or two receivers swap. Examples
+are a receiver that fell off and hangs from its cable, or a program that changed the unit or an order within a
+file. At that frame the distance to a neighbour leaps, or the receiver turns faster than any joint can; and a
+joint centre fits the part before or after it, but not the whole recording. A receiver that only slips on its
+bone moves less, and is left to the fit.
 """
 
 from __future__ import annotations
@@ -23,24 +24,24 @@ from shukotsu.hand.rotations import matrix
 from shukotsu.tables.device_clock import without_packets
 
 FASTEST_MM_S, UNTIMED_STEP_MM = 3000.0, 20.0
-"""Greatest speed of a hand, and greatest step in a frame whose duration is unknown."""
+"""Largest speed of a hand, and largest step per frame if the frame rate is unknown."""
 LARGE_STEPS, MIRRORED, SMEARED = 3.0, 0.3, 0.6
-"""So many times a recording's large steps, the 80th percentile, are none of them; and of a jump to the mirror
-image, at once or through a filter, less than so much is left when that image is taken."""
+"""A step longer than LARGE_STEPS times the 80th percentile is a leap. A step is a jump to the mirror image if
+mirroring shortens it to less than MIRRORED of its length, or SMEARED of it if a filter spread the jump."""
 SURE = 8.0
-"""Log odds from which on two neighbouring poses are certainly on the same side, or on different ones."""
+"""Log odds above which it is certain whether two consecutive poses are on the same side."""
 SMEARED_FRAMES = 12
-"""Most frames over which the tracker's filter smears a jump, on either side."""
+"""Largest number of frames before and after a jump over which the tracker's filter smears it."""
 _BLOCK_ROWS = 1 << 15
-"""Steps that are examined at a time."""
+"""Number of steps that are examined at a time."""
 
 
 @dataclass(frozen=True)
 class OwnSides:
-    """Pieces of a receiver's time, M in order: on one side each, or on the way.
+    """A receiver's recording as M consecutive pieces, each on one side of the transmitter or in transit.
 
-    first : (M,) frame in which each begins. sign : (M,) 1 or -1, up to one sign for all; 0 on the way. run :
-    (M,) between pieces of a run it is sure which is on which side.
+    first : (M,) first frame of each piece. sign : (M,) 1 or -1, up to a common sign; 0 in transit. run : (M,)
+    pieces with the same number have certain relative signs.
     """
 
     first: Integers
@@ -49,16 +50,32 @@ class OwnSides:
 
     @property
     def changes(self) -> bool:
-        """Whether it is on two sides."""
+        """Whether the receiver is on both sides at some time."""
         return bool((self.sign > 0).any() and (self.sign < 0).any())
 
     def piece_at(self, frame: Integers) -> Integers:
-        """The piece in which frames (N,) lie, (N,)."""
+        """Return the index of the piece that contains each frame, (N,)."""
         return np.maximum(np.searchsorted(self.first, frame, side="right") - 1, 0)
 
 
 def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
-    """The sides of a receiver in frames (N,), rising, at times (N,), NaN where unknown, and places (N, 3)."""
+    """Split a receiver's recording at jumps to the mirror image.
+
+    Parameters
+    ----------
+    frame : array, shape (N,)
+        Frame numbers, increasing.
+    time_s : array, shape (N,)
+        Times, NaN if unknown.
+    position_mm : array, shape (N, 3)
+        Positions in the transmitter's frame.
+
+    Returns
+    -------
+    OwnSides
+        The pieces, with signs up to a common sign.
+
+    """
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
         lasts, frame_s, seconds = np.diff(frame).astype(float), np.nan, np.diff(without_packets(time_s)[0])
@@ -66,7 +83,7 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
         if timed.any():
             frame_s = float(np.median(seconds[timed] / lasts[timed]))
             lasts = np.maximum(lasts, np.where(timed, seconds, 0.0) / frame_s)
-        parts = []  # lengths of steps, those to the mirror image, scalar products; a block at a time
+        parts = []  # step lengths, step lengths to the mirror image, scalar products, block by block
         for start in range(0, len(position_mm) - 1, _BLOCK_ROWS):
             here = position_mm[start : start + _BLOCK_ROWS + 1]
             along_mm2 = np.einsum("ij,ij->i", here[1:], here[:-1])
@@ -96,17 +113,20 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
 
 
 def _apart_mm(first: Array, second: Array) -> tuple[Array, Array]:
-    """Positions' distances from each other, and from each other's mirror image."""
+    """Return the distances of positions from others, and from the others' mirror images."""
     return np.linalg.norm(second - first, axis=-1), np.linalg.norm(second + first, axis=-1)
 
 
 def _within_mm(reach_mm: float, lasts: Array) -> Array:
-    """Return how far a receiver goes in so many frames: it does not keep its greatest speed."""
+    """Return how far a receiver can move in `lasts` frames: over many frames no hand keeps its top speed."""
     return np.asarray(reach_mm * np.minimum(lasts, 2 * np.sqrt(lasts)))
 
 
 def _leaps(leaping: Bools, position_mm: Array, usual_mm: float) -> list[tuple[int, int]]:
-    """The last pose before and the first after each leap, of steps (N - 1,) that lead to no side."""
+    """Return the rows of the last pose before and the first pose after each leap.
+
+    leaping : (N - 1,) whether a step is too long for both the position and its mirror image.
+    """
     leaps: list[tuple[int, int]] = []
     rows = np.flatnonzero(leaping)
     for part in np.split(rows, np.flatnonzero(np.diff(rows) > 3) + 1) if len(rows) else []:
@@ -114,7 +134,7 @@ def _leaps(leaping: Bools, position_mm: Array, usual_mm: float) -> list[tuple[in
         way = position_mm[after] - position_mm[before]
         way = way / max(float(np.linalg.norm(way)), 1e-9)
 
-        def tail(row: int, way: Array = way) -> bool:  # still settling, or about to
+        def tail(row: int, way: Array = way) -> bool:  # a filtered step in the direction of the leap
             return bool((position_mm[row + 1] - position_mm[row]) @ way > usual_mm)
 
         earliest = max(before - SMEARED_FRAMES, leaps[-1][1] if leaps else 0)
@@ -129,13 +149,14 @@ def _leaps(leaping: Bools, position_mm: Array, usual_mm: float) -> list[tuple[in
 
 LONGEST_FRAMES = 5
 FAR_MM, FAR_DEG, SPIKE_STEPS = 100.0, 90.0, 4.0
-"""A spike is at most so long, and so far or so much turned away from the poses before and after it; in a
-coarse recording so many times a large step, the 95th percentile. Those two agree to half of that and what
-large steps come to between them."""
+"""A spike lasts at most LONGEST_FRAMES. Its poses differ from those before and after it by more than FAR_MM
+or FAR_DEG, or in a coarse recording by more than SPIKE_STEPS times the 95th percentile of steps; the poses
+before
+and after it agree within half of that plus as many large steps as there are frames between them."""
 
 
 def spikes(numbers: Array) -> Bools:
-    """Return which of a receiver's poses (N, 7), in mm and unit quaternions, are spikes, (N,)."""
+    """Return which poses of a receiver (N, 7), mm and unit quaternions, are spikes, shape (N,)."""
     spiked = np.zeros(len(numbers), bool)
     if len(numbers) < 3:
         return spiked
@@ -159,7 +180,7 @@ def spikes(numbers: Array) -> Bools:
 
 
 def _turned_and_apart(first: Array, second: Array) -> Array:
-    """Return the distances (2, M), in mm and deg, of poses (M, 7) from others."""
+    """Return the distances in mm and the angles in deg, (2, M), between two sets of poses (M, 7)."""
     cosine = np.abs(np.einsum("ij,ij->i", first[:, 3:], second[:, 3:])).clip(0.0, 1.0)
     moved_mm = np.linalg.norm(first[:, :3] - second[:, :3], axis=-1)
     return np.stack([moved_mm, 2 * np.degrees(np.arccos(cosine))])
@@ -168,32 +189,32 @@ def _turned_and_apart(first: Array, second: Array) -> Array:
 ReceiverPoses = tuple[Integers, Array]
 """Frames (N,), ascending, and numbers (N, 7) of a receiver's usable poses."""
 OPEN_MM, OPEN_SHARE = 4.0, 0.12
-"""Gap of a joint from which on it is open, and its share of the distance between the joint's receivers."""
+"""Smallest gap of an open joint, in mm and as a share of its receivers' distance; both must be exceeded."""
 CLOSED = 0.35
-"""Share of the gap over the whole recording that is left at most on the side that closes."""
+"""Largest gap in the part where the joint still closes, as a share of the gap over the whole recording."""
 LEAP_MM, LEAP_SHARE, LEAP_POSES, TURN_DEG = 15.0, 0.25, 12, 45.0
-"""Change of a distance within so many poses, and its share; turn from one pose to the next."""
+"""Smallest leap of a distance within LEAP_POSES poses, in mm and as its share; smallest turn in one step."""
 SAMPLED, MOMENTS, FEWEST = 400, 60, 8
-"""Frames by which a joint is judged, moments that are tried, and frames that either side has."""
+"""Frames used to judge a joint, most moments that are tried, and fewest frames before and after a break."""
 LEVER_MM, LEAST_GAP_MM = 200.0, 0.5
-"""Distance of a joint's centre from a receiver at which to be so far costs as much as 1 mm of gap; gaps below
-the least are alike."""
+"""Distance of a joint's centre from a receiver that costs as much as a gap of 1 mm; gaps below LEAST_GAP_MM
+are treated as equal to it."""
 PUT_ON = 0.1
-"""Share of a recording, at its beginning, in which a receiver may not have been put on yet."""
+"""Share of a recording, from its beginning, in which a receiver may not have been put on yet."""
 EVERY = 0.8
-"""Share of the joints from which on all receivers break together: the file changes."""
+"""Share of broken joints above which the file itself changed, so that all receivers break."""
 
 
 TELLING = 1.0
-"""Log ratio of joint gaps from which on they determine which of two receivers is which."""
+"""Log ratio of joint gaps above which the gaps decide which of two receivers is which."""
 EXCHANGED, EXCHANGE_MM, EXCHANGE_DEG = 0.4, 5.0, 60.0
-"""Two receivers that change places go on where the other was: what is left of that, at most; how
-far a pose is off a steady run at least, and how far a receiver turns from one pose to the next at most."""
+"""Conditions of an exchange: largest ratio of the steps with names swapped to the steps as named; smallest
+deviation of a pose from constant velocity; largest turn in one step with names swapped."""
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """Two receivers with each other's names in the frames `first` to `last`; frame : where they change."""
+    """Two receivers with swapped names in the frames `first` to `last`; frame : where the swap happens."""
 
     segments: tuple[str, str]
     first: int
@@ -204,10 +225,25 @@ class Exchange:
 def exchanges(
     segments: Sequence[str], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
 ) -> list[Exchange]:
-    """Find receivers that change places within a recording, from one pose to the next.
+    """Find pairs of receivers that exchange their names within a recording, from one pose to the next.
 
-    Of the two ways that one is right in which, taken for all the recording, the joints close better or, where
-    that does not tell, neighbours are nearer.
+    Of the two assignments the correct one is that in which the joints close better over the whole recording;
+    if the gaps do not decide, that in which neighbouring receivers are closer.
+
+    Parameters
+    ----------
+    segments : sequence of str
+        Segments with poses.
+    poses : callable
+        Function from a segment to its frames (N,) and poses (N, 7).
+    links : sequence of (str, str)
+        Parent and child of each joint between two of the segments.
+
+    Returns
+    -------
+    list of Exchange
+        Runs of frames with swapped names.
+
     """
     steps = {name: _long_steps(*poses(name)) for name in segments}
     out = []
@@ -227,7 +263,7 @@ def exchanges(
 
 
 _Steps = tuple[Integers, Array, Array]
-"""Frames (N, 2) before and after a receiver's long steps, poses (N, 7) if it ran on, and as it is."""
+"""A receiver's N long steps: frames (N, 2) before and after, poses (N, 7) extrapolated and measured after."""
 
 
 def _long_steps(frame: Integers, numbers: Array) -> _Steps:
@@ -241,9 +277,9 @@ def _long_steps(frame: Integers, numbers: Array) -> _Steps:
 
 
 def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
-    """Frames (M,) from which on each of two receivers is where the other was."""
+    """Return the frames (M,) from which on each of two receivers is where the other one was."""
     moments = [np.zeros(0, np.int64)]
-    for side in (0, 1):  # in the frame before, or in that after, one of them may not be seen
+    for side in (0, 1):  # match by the frame before and by that after: one of them may be missing in either
         frames = first[0][:, side], second[0][:, side]
         _, i, j = np.intersect1d(*frames, assume_unique=True, return_indices=True)
         (before, after), (before_2, after_2) = (first[1][i], first[2][i]), (second[1][j], second[2][j])
@@ -268,7 +304,10 @@ def _wider(
     poses: Callable[[str], ReceiverPoses],
     links: Sequence[tuple[str, str]],
 ) -> float:
-    """Return by how much, a logarithm, joints are wider the second way round than the first."""
+    """Return the log ratio of joint gaps, or else of receivers' distances, of assignment 1 to assignment 0.
+
+    Assignment 0 keeps the names until the first exchange, assignment 1 swaps them there.
+    """
     ratios = np.zeros(2)
     for link in links:
         if {*pair} & {*link}:
@@ -281,7 +320,7 @@ def _wider(
 def _named(
     name: str, pair: Sequence[str], poses: Callable[[str], ReceiverPoses], moments: Integers, way: int
 ) -> ReceiverPoses:
-    """Poses of a receiver where one way of the two that change places is right all along."""
+    """Return a receiver's poses under assignment `way` of an exchanged pair, see `_wider`."""
     if name not in pair:
         return poses(name)
     frames, numbers = [], []
@@ -295,7 +334,7 @@ def _named(
 
 
 def _gap_and_length_mm(above: ReceiverPoses, below: ReceiverPoses) -> Array:
-    """Gap of a joint, rms, and median distance of its receivers, (2,); NaN of too few frames."""
+    """Return a joint's rms gap and its receivers' median distance in mm, (2,); NaN with too few frames."""
     both, rows, others = np.intersect1d(above[0], below[0], assume_unique=True, return_indices=True)
     if len(both) < FEWEST:
         return np.full(2, np.nan)
@@ -306,14 +345,17 @@ def _gap_and_length_mm(above: ReceiverPoses, below: ReceiverPoses) -> Array:
 
 
 def _turn_and_apart(parent: Array, child: Array) -> tuple[Array, Array]:
-    """The equations of a joint's centre from poses (M, 7) of its receivers: (M, 3, 6) and (M, 3)."""
+    """Return the equations, (M, 3, 6) and (M, 3), of a joint's centre from its receivers' poses (M, 7)."""
     turn = np.concatenate([-matrix(parent[:, 3:]), matrix(child[:, 3:])], -1)
     return turn, parent[:, :3] - child[:, :3]
 
 
 @dataclass(frozen=True)
 class Break:
-    """Receivers of no use from `frame` on, or `until` it; grown : as the distance to neighbours does."""
+    """Receivers that are unusable from `frame` on, or, if `until` is true, before it.
+
+    grown : ratio of the distance to the neighbours after the break to that before.
+    """
 
     segments: tuple[str, ...]
     frame: int
@@ -324,7 +366,23 @@ class Break:
 def breaks(
     segments: Sequence[str], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
 ) -> list[Break]:
-    """Find all breaks of a recording; links : parent and child of each joint between two of the segments."""
+    """Find all breaks of a recording.
+
+    Parameters
+    ----------
+    segments : sequence of str
+        Segments with poses.
+    poses : callable
+        Function from a segment to its frames (N,) and poses (N, 7).
+    links : sequence of (str, str)
+        Parent and child of each joint between two of the segments.
+
+    Returns
+    -------
+    list of Break
+        In the order of their frames.
+
+    """
     broken = {link: joint for link in links if (joint := _broken_joint(poses(link[0]), poses(link[1]), link))}
     if len(broken) >= max(2, EVERY * len(links)):
         frames = [broken_joint.frame for broken_joint in broken.values()]
@@ -337,7 +395,8 @@ def breaks(
     while broken:
         ends = [name for broken_joint in broken.values() for name in broken_joint.segments]
         joints = {name: sum(name in link for link in links) for name in ends}
-        # most of them, then the largest share of its own, then farther from the body
+        # the receiver with most broken joints, then with the largest share of its joints broken, then the one
+        # farther from the body
         culprit = max(joints, key=lambda name: (ends.count(name), -joints[name], ends[::-1].index(name)))
         of_culprit = [broken_joint for broken_joint in broken.values() if culprit in broken_joint.segments]
         first = min(of_culprit, key=lambda broken_joint: broken_joint.frame)
@@ -347,14 +406,14 @@ def breaks(
         above, off = parents.get(culprit, ""), {name for joint in out for name in joint.segments}
         while above in off:
             above = parents.get(above, "")
-        for parent, child in links if above else ():  # which hangs on the culprit, and may be off as well
+        for parent, child in links if above else ():  # the culprit's children may be broken, too
             if parent == culprit and (joint := _broken_joint(poses(above), poses(child), (above, child))):
                 broken[above, child] = replace(joint, segments=(child,))
     return sorted(out, key=lambda broken_joint: broken_joint.frame)
 
 
 def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, str]) -> Break | None:
-    """The break of a joint, with those of its receivers that can have caused it; None where it has none."""
+    """Return the break of a joint, with the receivers that may have caused it; None if there is no break."""
     frame, rows, others = np.intersect1d(above[0], below[0], assume_unique=True, return_indices=True)
     if len(frame) < 2 * FEWEST:
         return None
@@ -390,7 +449,7 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
 
 
 def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[int, int | None]]:
-    """Rows at which the distance leaps (None), or at which the parent (0) or the child (1) turns at once."""
+    """Yield rows at which the distance leaps (None), or the parent (0) or the child (1) turns abruptly."""
     within = min(LEAP_POSES, len(distance_mm) - 1)
     step_mm = np.abs(distance_mm[within:] - distance_mm[:-within])
     before_mm, after_mm = distance_mm[:-within], distance_mm[within:]
@@ -402,21 +461,35 @@ def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[
         yield int(run[0] + np.argmax(np.abs(window - window[0]) >= half_mm)), None
     for end, numbers in enumerate((parent, child)):
         rows = np.flatnonzero(_turned_and_apart(numbers[:-1], numbers[1:])[1] > TURN_DEG)
-        # what turns at once all along is written in another unit or order, and breaks nowhere
+        # abrupt turns throughout the recording are due to a wrong unit or order, not to a break
         for row in rows if len(rows) <= MOMENTS else ():
             yield int(row) + 1, end
 
 
 def solve_centres(turn: Array, apart: Array) -> Array:
-    """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N), regularised towards the
-    receivers where the motion does not determine them; see LEVER_MM.
+    """Solve turn @ centre = apart for joint centres by least squares, regularised by LEVER_MM.
+
+    The regularisation pulls the centre towards the receivers where the motion does not determine it.
+
+    Parameters
+    ----------
+    turn : array, shape (3 N, 6)
+        Rotations of both receivers in N frames.
+    apart : array, shape (M, 3 N)
+        Differences of their positions in mm, for M choices of signs.
+
+    Returns
+    -------
+    array, shape (M, 6)
+        Centre in both receivers' frames, mm.
+
     """
     normal = turn.T @ turn + len(turn) / 3 / LEVER_MM**2 * np.eye(6)
     return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)
 
 
 def _centre(turn: Array, apart: Array) -> Array:
-    """The joint's centre (6,) in both receivers."""
+    """Return the joint's centre in both receivers' frames, mm, (6,)."""
     return np.asarray(solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0])
 
 

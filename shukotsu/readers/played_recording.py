@@ -1,4 +1,4 @@
-"""A recording as motion for the emulated tracker to play."""
+"""Convert a recording to motion that the emulated tracker can play."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> PlayedMotion:
-    """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
+    """Read a recording in any format that needs no mapping, for playback on the stations of its segments.
 
-    Segments without a station are left out and noted. Raises InputError where the file is no recording, or
-    where none of its segments has a station.
+    Segments without a station are left out, with a note. Raises InputError if the file is not a recording, or
+    if none of its segments has a station.
     """
     import numpy as np
 
@@ -33,7 +33,7 @@ def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -
     if not station.any():
         raise InputError(
             f"{path}: none of its segments has a station from 1 to {MAX_STATION} in layout {layout.name}; "
-            "give the layout's segments such `receiver:` numbers"
+            "add such `receiver:` numbers to the layout's segments"
         )
     notes = [
         f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"

@@ -1,10 +1,10 @@
-"""From samples to the poses table: errors are flagged or refused, and no value is invented.
+"""Check samples and lay them out as the poses table: errors are flagged or refused, and no value is invented.
 
 Frame numbers, times and gaps are kept; samples are sorted and put on a full grid, so that every segment has
 a row for every frame.
 
 Samples arrive in parts, in the order of the recording, and the table is written segment by segment. In
-between, the rows of each segment are in a temporary file, so that one segment at a time is in memory.
+between, each segment's rows are kept in a temporary file, so that only one segment at a time is in memory.
 """
 
 from __future__ import annotations
@@ -33,44 +33,44 @@ FLAGS = {
     "partly-missing": "some of the seven numbers are empty",
     "not-finite": "a number is infinite",
     "out-of-reach": "the position is farther away than any tracker reaches, whatever its unit",
-    "duplicate-frame": "the row stands more than once in the recording, each time the same",
-    "conflicting-duplicate": "the frame stands more than once with different numbers or times",
+    "duplicate-frame": "the same row occurs more than once in the recording",
+    "conflicting-duplicate": "the frame occurs more than once with different numbers or times",
     "time-missing": "the row has no (finite) time, or one that is years off all others",
-    "time-not-increasing": "the time is not later than that of the receiver's row before",
-    "frozen": "the receiver gave one and the same pose all along while that of its parent segment moved",
+    "time-not-increasing": "the time is not later than that of the receiver's previous row",
+    "frozen": "the receiver reported the same pose all along while its parent segment moved",
     "device-error": "the tracker itself reported that this pose is wrong",
-    "device-warning": "the tracker reported a fault of its own with this pose, which may be right",
-    "distorted": "the tracker saw its field distorted by metal",
+    "device-warning": "the tracker reported a fault in itself with this pose, which may still be right",
+    "distorted": "the tracker reported that metal distorts its field",
     "hemisphere-flip": "the position is on the other side of the transmitter",
     "hemisphere-transit": "the position is on its way to the other side of the transmitter, or back",
     "hemisphere-repaired": "the position was on the other side of the transmitter and was put back",
-    "hemisphere-undecided": "the receiver has poses on both sides and nothing tells which is right; kept",
-    "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
+    "hemisphere-undecided": "the receiver has poses on both sides and the right side is unknown; kept",
+    "low-quality": "the recording's quality measure is beyond the limit set in its mapping",
     "misfit": "the markers of the cluster do not fit its rigid shape",
-    "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
-    "broken-off": "from a moment on, for good, the receiver is not where its neighbours say; or until then",
+    "spike": "the pose jumped away farther than a worn receiver can move, and came back within five frames",
+    "broken-off": "from some frame on, or until it, the receiver's pose contradicts its neighbours",
 }
-"""Flags of a row and their meaning; bit i stands for the i-th flag. See docs/recordings.md."""
+"""Flags of a row and their meaning; bit i is the i-th flag. See docs/recordings.md."""
 INVALIDATING = (
     "device-error", "hemisphere-flip", "hemisphere-transit", "low-quality", "misfit", "spike", "broken-off"
 )  # fmt: skip
-"""Flags that make a pose unusable though its numbers are complete; they are kept."""
+"""Flags that make a pose unusable although its numbers are complete; the numbers are kept."""
 NORM_TOLERANCE = 0.01
-"""Largest error of a quaternion's norm; more is not rounding: the columns are not a quaternion."""
+"""Largest error of a quaternion's norm; a larger one is not rounding: the columns are not a quaternion."""
 WILD_TIMES = 1e6
 """Times farther from the median than this multiple of (interquartile range + 1 s) are dropped."""
 TWO_RECORDINGS = 10
-"""From this many consecutive duplicated frames with other poses on, a file holds two recordings."""
+"""Smallest number of consecutive duplicated frames with different poses that indicates two recordings."""
 MANY_POSES = 20
-"""Fewest poses from which coordinates that are all whole numbers are taken for a counter."""
+"""Smallest number of poses in which a coordinate with only whole numbers is considered a counter."""
 BESIDE_MM = 200.0
 """Largest distance of neighbouring receivers on a body; a transmitter is farther away."""
 FROZEN_FRAMES = 240
 """Fewest identical poses of a frozen receiver: noise changes the last digits within a second (240 Hz)."""
 ROW_GROUP_FRAMES = 1 << 15
-"""Two minutes at 240 Hz. A reader that goes frame by frame holds a row group of every segment in memory."""
+"""Two minutes at 240 Hz. Reading frame by frame needs one row group of every segment in memory."""
 MEMORY_BYTES = 2 << 20
-"""Size from which on a segment's rows are kept in a file instead of in memory."""
+"""Size above which a segment's rows are kept in a file instead of in memory."""
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 _BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
@@ -89,12 +89,12 @@ Places = Sequence[tuple[int, Callable[[int], str]]]
 
 @dataclass(frozen=True)
 class PosesTable:
-    """The poses table, to be written a row group at a time; no row group holds two segments.
+    """The poses table, to be written one row group at a time; a row group belongs to one segment.
 
-    segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
-    frozen : segments whose rows are flagged so.
-    frame : (T,) every frame that occurs with any segment, ascending. breaks : where the recording breaks
-    within itself, with what a finding says of it. notes : of the whole recording, a sentence each.
+    segments : those that occur, in the layout's order; usable : number of valid rows of each.
+    frozen : segments whose rows are flagged as frozen.
+    frame : (T,) all frames of any segment, ascending. breaks : the values of a finding for each break or
+    exchange of receivers. notes : remarks on the whole recording, a sentence each.
     """
 
     segments: tuple[str, ...]
@@ -111,7 +111,7 @@ class PosesTable:
             file.file.close()
 
     def row_groups(self, row_group_frames: int = ROW_GROUP_FRAMES) -> Iterator[dict[str, Any]]:
-        """Return the columns of each row group in turn."""
+        """Yield the columns of each row group."""
         for segment, file in zip(self.segments, self._files, strict=True):
             rows = file.rows()
             for start in range(0, len(self.frame), row_group_frames):
@@ -129,11 +129,11 @@ class _RowFile:
         self.file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder_name)  # noqa: SIM115
 
     def append(self, rows: Rows) -> None:
-        """Put rows at the end."""
+        """Append rows."""
         self.file.write(rows.tobytes())
 
     def replace(self, rows: Rows) -> None:
-        """Replace all rows by at most as many."""
+        """Replace all rows; rows : at most as many as there are."""
         self.file.seek(0)
         self.file.truncate()
         self.append(rows)
@@ -148,12 +148,13 @@ class _RowFile:
 class _Segment:
     """Summary of the rows of one segment.
 
-    usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
-    bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
-    and that length; bad_count : how many there are.
-    twice : the first row whose frame stands before with another pose, as `bad`, where many frames in turn do.
-    counted : the coordinate that only has whole numbers though the receiver moves; empty: none.
-    sides : on which sides of the transmitter its usable poses are; None where it has none, or is optical.
+    usable : number of valid rows; complete : number of rows with all numbers; moves : whether these differ.
+    bad : sample, frame and quaternion norm of the first row, in the recording's order, whose norm is not 1;
+    bad_count : number of such rows.
+    twice : sample and frame of the first row whose frame occurred before with another pose; set only if many
+    consecutive frames are duplicated like that.
+    counted : coordinate that has only whole numbers although the receiver moves, or "".
+    sides : sides of the transmitter of its usable poses; None without such poses, or for optical markers.
     """
 
     usable: int
@@ -176,12 +177,30 @@ def poses_table(
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
-    parts : of the recording, in order. parents : of a segment the one towards the body that carries a
-    receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
-    expected_mm : where anatomy has joints, see `shukotsu.readers.hemispheres.expected_joints`.
-    repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
+    Parameters
+    ----------
+    parts : iterable of Samples
+        Parts of the recording, in order.
+    parents : mapping of str to str
+        Of each segment, its nearest proximal segment that carries a receiver.
+    folder : Path, optional
+        Folder for temporary files; by default the system's.
+    expected_mm : mapping, optional
+        Expected joint positions, see `shukotsu.readers.hemispheres.expected_joints`.
+    repair_hemisphere : bool
+        Whether to put back positions on the wrong side of the transmitter; else they become gaps.
 
-    Raises InputError at the first pose that has all its numbers but no unit quaternion.
+    Returns
+    -------
+    PosesTable
+        The checked table; close it after use.
+
+    Raises
+    ------
+    InputError
+        At the first complete pose whose quaternion is not a unit quaternion, or if the recording is otherwise
+        not one of a hand, see `_refuse_nonsense`.
+
     """
     names: tuple[str, ...] = ()
     files: dict[int, _RowFile] = {}
@@ -209,8 +228,8 @@ def poses_table(
     recording.put_on_one_side(expected_mm or {}, repair=repair_hemisphere)
     broken = (*recording.flag_exchanges(), *recording.flag_breaks())
     segments = recording.segments
-    # No bone keeps still while its parent moves: the receiver's channel hangs, where poses are not relative
-    # to it. The base of the tree has no parent; it may well lie still, in made-up recordings to the last bit.
+    # No bone stays perfectly still while its parent moves: the receiver's channel hangs, unless all poses are
+    # relative to it. The base of the tree has no parent; it may lie still, in simulations to the last bit.
     still = [name for name, seg in segments.items() if not seg.moves and seg.complete >= FROZEN_FRAMES]
     frozen = tuple(
         name
@@ -231,7 +250,7 @@ def poses_table(
 
 
 def _count_on(files: Mapping[int, _RowFile], frames: list[Integers]) -> tuple[str, ...]:
-    """Unwrap frame numbers where their counter overflowed, in the files and in the list; return a note."""
+    """Unwrap frame numbers, in the files and the list, if their counter overflowed; return a note of it."""
     if not any((np.diff(file.rows()["frame"]) < 0).any() for file in files.values()):
         return ()
     clocks = [tuple(file.rows()[name].copy() for name in ("frame", "time_s")) for file in files.values()]
@@ -251,12 +270,12 @@ def _check_segment(file: _RowFile) -> _Segment:
     rows = file.rows()
     rows, twice = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     numbers, time_s = rows["numbers"], rows["time_s"]
-    # beyond any reach: squares of such numbers overflow in what comes after
+    # out of reach: squares of such numbers would overflow in later steps
     far = (np.isfinite(numbers[:, :3]) & (np.abs(numbers[:, :3]) > FARTHEST_MM)).any(-1)
     numbers[far] = np.nan
     rows["flags"][far] |= _BIT["out-of-reach"]
     timed = np.isfinite(time_s)
-    if timed.any():  # one time in a million years would be the recording's length
+    if timed.any():  # one absurd time would stretch the recording
         low, middle, high = np.quantile(time_s[timed], (0.25, 0.5, 0.75))
         with np.errstate(over="ignore"):
             time_s[np.abs(time_s - middle) > WILD_TIMES * (high - low + 1.0)] = np.nan
@@ -269,7 +288,7 @@ def _check_segment(file: _RowFile) -> _Segment:
     file.replace(rows)
     poses = rows["numbers"][complete]
     usable = rows[_usable(rows)]
-    optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
+    optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers are never mirrored
     magnetic = len(usable) > 0 and not optical
     side = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
     return _Segment(
@@ -286,9 +305,9 @@ def _check_segment(file: _RowFile) -> _Segment:
 
 @dataclass
 class _Recording:
-    """Segments of a recording, as their rows are flagged so far, and the files that hold these.
+    """Segments of a recording with their current summaries, and the files with their flagged rows.
 
-    parents : of a segment the one towards the body that carries a receiver.
+    parents : of each segment, its nearest proximal segment that carries a receiver.
     """
 
     segments: dict[str, _Segment]
@@ -298,7 +317,7 @@ class _Recording:
     def put_on_one_side(self, expected_mm: Mapping[str, Array], *, repair: bool) -> None:
         """Flag rows on the wrong side of the transmitter, or put them back.
 
-        Where no receiver jumped and no repair is asked for, nothing is looked at.
+        Without a repair, nothing is done unless a receiver jumped to the other side.
         """
         on_sides = {name: seg.sides for name, seg in self.segments.items() if seg.sides is not None}
         if not repair and not any(receiver.changes for receiver in on_sides.values()):
@@ -329,7 +348,7 @@ class _Recording:
             yield {"segments": list(exchange.segments), **frames, **when}
 
     def flag_breaks(self) -> Iterator[dict[str, Any]]:
-        """Flag rows before or after a receiver's lasting shift against its neighbours; yield as exchanges."""
+        """Flag rows before or after a receiver's permanent break; yield the values of a finding for each."""
         before = {name: segment.usable for name, segment in self.segments.items()}
         for gap in breaks(*self._believed()):
             for name in gap.segments:
@@ -343,19 +362,19 @@ class _Recording:
     def _believed(
         self,
     ) -> tuple[list[str], Callable[[str], tuple[Integers, Array]], list[tuple[str, str]]]:
-        """Return the segments with a usable pose, what reads their poses, and the joints between them."""
+        """Return the segments with usable poses, a function that reads these, and the joints between them."""
         names = [name for name, segment in self.segments.items() if segment.usable]
         links = [(self.parents[name], name) for name in names if self.parents.get(name, "") in names]
         return names, lambda name: self._poses(name, _BIT["hemisphere-undecided"]), links
 
     def _poses(self, name: str, without: np.uint32 | int = 0) -> tuple[Integers, Array]:
-        """Return frames and numbers of a segment's usable rows; without : bits that none of them has."""
+        """Return frames and numbers of a segment's usable rows; without : bits of flags to exclude."""
         rows = self.files[name].rows()
         rows = rows[_usable(rows) & ((rows["flags"] & without) == 0)]
         return rows["frame"], rows["numbers"]
 
     def _break_off(self, name: str, off: Bools) -> None:
-        """Flag those complete rows (N,) of a segment."""
+        """Flag a segment's complete rows as broken off; off : (N,) bool, which rows."""
         rows = self.files[name].rows().copy()
         rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
         self._replace(name, rows)
@@ -366,26 +385,26 @@ class _Recording:
 
 
 def _is_reference(file: _RowFile, parent: _RowFile) -> bool:
-    """Whether all poses are relative to this receiver: identity throughout, and next to its parent."""
-    rows, beside = file.rows(), parent.rows()
+    """Return whether poses are relative to this receiver: its pose is the identity and its parent is near."""
+    rows, parent_rows = file.rows(), parent.rows()
     numbers = rows["numbers"][_complete(rows)][0]
-    apart_mm = np.linalg.norm(beside["numbers"][_usable(beside), :3], axis=-1)
+    apart_mm = np.linalg.norm(parent_rows["numbers"][_usable(parent_rows), :3], axis=-1)
     at_zero = np.allclose(np.abs(numbers), [0, 0, 0, 1, 0, 0, 0], atol=1e-6)
     return bool(at_zero and len(apart_mm) and np.median(apart_mm) < BESIDE_MM)
 
 
 def _when(rows: Rows, frame: int) -> dict[str, Any]:
-    """Return the time of a frame in a segment's rows; for rows without times, its row number."""
+    """Return the time of a frame in a segment's rows as the value of a finding; without times, its row."""
     row = min(int(np.searchsorted(rows["frame"], frame)), len(rows) - 1)
     time_s = float(rows["time_s"][row])
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
 def _one_a_frame(rows: Rows) -> tuple[Rows, tuple[int, int] | None]:
-    """Keep the first of the rows of a frame, without what they do not agree on; return a copy.
+    """Return a copy with one row per frame: the first, with NaN for numbers and times on which rows disagree.
 
-    Where TWO_RECORDINGS frames in turn stand twice with other poses, return the first such row's sample and
-    frame, too.
+    If TWO_RECORDINGS or more consecutive frames occur twice with different poses, also return the sample and
+    frame of the first such row, else None.
     """
     rows = rows.copy()
     first = np.ones(len(rows), bool)
@@ -416,7 +435,7 @@ def _same(first: Array, second: Array) -> Bools:
 
 
 def _gap_flags(rows: Rows) -> Flags:
-    """Return the flags (N,) of rows with missing numbers or times, or whose time does not increase."""
+    """Return the flags (N,) for missing numbers, missing times and times that do not increase."""
     empty, time_s = np.isnan(rows["numbers"]), rows["time_s"]
     some, every, timed = empty.any(-1), empty.all(-1), np.isfinite(time_s)
     explained = ("conflicting-duplicate", "partly-missing", "not-finite", "out-of-reach")
@@ -430,20 +449,21 @@ def _gap_flags(rows: Rows) -> Flags:
 
 
 def _normalise(rows: Rows) -> tuple[Array, Bools]:
-    """Bring quaternions to length 1 and empty incomplete rows.
+    """Normalise quaternions and set incomplete rows to NaN, in place.
 
-    Return the lengths as they were, and which are off by more than rounding though the row is to be used.
+    Return the norms before, (N,), and which of them are wrong by more than rounding in rows that are not
+    already unusable, (N,).
     """
     numbers = rows["numbers"]
     numbers[~np.isfinite(numbers).all(-1)] = np.nan
     w, x, y, z = numbers[:, 3:].T
-    with np.errstate(over="ignore"):  # a number near 1e300 is refused with the norm inf
+    with np.errstate(over="ignore"):  # near 1e300 the norm overflows to inf, which is refused
         norm = np.sqrt(w * w + x * x + y * y + z * z)
     bad = np.abs(norm - 1) > NORM_TOLERANCE + 1e-12  # False for NaN; 1e-12: rounding of the norm
     spoilt = bad & ((rows["flags"] & _INVALIDATING) != 0)
     bad &= ~spoilt
     length = norm.copy()
-    norm[np.abs(norm - 1) < 1e-15] = 1.0  # unit to rounding: reading a poses table again turns no bit
+    norm[np.abs(norm - 1) < 1e-15] = 1.0  # already unit: importing a poses table again changes no bit
     with np.errstate(invalid="ignore"):
         numbers[:, 3:] /= norm[:, None]
     numbers[spoilt] = np.nan
@@ -452,8 +472,9 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
 
 
 def _whole_number_axis(position_mm: Array) -> str:
-    """Return the axis along which many positions (N, 3) only have whole numbers, of mm or inches, while they
-    move along both others; empty: none. Where all are whole they are rounded.
+    """Return the axis in which positions (N, 3) have only whole numbers of mm or inches, or "".
+
+    Both other axes must move. Positions that are whole numbers in all axes are merely rounded.
     """
     still = np.all(position_mm == position_mm[:1], axis=0)
     for unit_mm in (1.0, 25.4) if len(position_mm) >= MANY_POSES else ():
@@ -465,20 +486,21 @@ def _whole_number_axis(position_mm: Array) -> str:
 
 
 def _complete(rows: Rows) -> Bools:
-    """Return which of rows that are checked have a pose: of the others all numbers are NaN."""
+    """Return which checked rows have a pose, (N,); in the others all numbers are NaN."""
     return np.asarray(np.isfinite(rows["numbers"][:, 0]))
 
 
 def _usable(rows: Rows) -> Bools:
-    """Return which of rows that are checked have a pose and no flag that makes it unusable, shape (N,)."""
+    """Return which checked rows have a pose and no flag that makes it unusable, (N,)."""
     return np.asarray(_complete(rows) & ((rows["flags"] & _INVALIDATING) == 0))
 
 
 def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
-    """Raise InputError at the first, in the recording's order, of what is no recording of one hand.
+    """Raise InputError if the samples cannot be a recording of one hand; name the first faulty row.
 
-    Frames that stand twice in turn with other poses; quaternions of no length 1; a station's number, or a
-    counter's, in place of a coordinate. places : of each part its first sample and its place.
+    Faults are: consecutive frames that occur twice with different poses; quaternions that are not unit; a
+    station number or counter in place of a coordinate. places : for each part its first sample and its locate
+    function.
     """
 
     def where(sample: int) -> str:
@@ -489,9 +511,9 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
     if twice:
         sample, frame, name = twice
         raise InputError(
-            f"{where(sample)}: frame {frame} of receiver {name} stands twice with different poses, "
-            "and so do those from here on: two recordings in one file? Cut it here, or give the second its "
-            "own frames"
+            f"{where(sample)}: frame {frame} of receiver {name} occurs twice with different poses, "
+            "and so do the following ones: two recordings in one file? Split it here, or give the second one "
+            "other frame numbers"
         )
     bad = min(((*segment.bad, name) for name, segment in segments.items() if segment.bad), default=None)
     if bad:
@@ -502,7 +524,7 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
         if norm == 0:
             raise InputError(
                 f"{row}: the quaternion is all zeros{more}; expected norm 1; "
-                "zeros that stand for missing values must be left empty instead"
+                "zeros for missing values must be left empty instead"
             )
         raise InputError(
             f"{row}: the quaternion has norm {norm:.6g}{more}; expected 1 within "
@@ -513,20 +535,20 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
         if segment.counted:
             raise InputError(
                 f"{where(0)}: {segment.counted} of receiver {name} is a whole number in all its poses, "
-                "while it moves; expected a position, and this is probably a station or a counter: name the "
+                "while it moves; expected a position, but this is probably a station or a counter: name the "
                 "right columns (`shukotsu inspect` shows them)"
             )
 
 
 def _columns(name: str, frame: Integers, rows: Rows, frozen: bool) -> dict[str, Any]:
-    """Return the table's columns of one segment in those frames, which hold those of the rows."""
+    """Return the table's columns of one segment; frame : frames to write, among them all of the rows'."""
     at = np.searchsorted(frame, rows["frame"])
     time_s, numbers = np.full(len(frame), np.nan), np.full((len(NUMBERS), len(frame)), np.nan)
     flags, valid = np.full(len(frame), _BIT["no-row"]), np.zeros(len(frame), bool)
     time_s[at], numbers[:, at] = rows["time_s"], rows["numbers"].T
     flags[at] = rows["flags"] | _BIT["frozen"] if frozen else rows["flags"]
     valid[at] = _usable(rows) & (not frozen)
-    combinations, codes = np.unique(flags, return_inverse=True)  # each is spelt once, as there are few
+    combinations, codes = np.unique(flags, return_inverse=True)  # few distinct combinations
     texts = [";".join(flag for flag in FLAGS if bits & _BIT[flag]) for bits in combinations]
     return {
         "segment": pa.repeat(pa.scalar(name), len(frame)),

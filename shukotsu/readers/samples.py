@@ -1,4 +1,4 @@
-"""The output of every reader: receivers' samples as they came, with the segment that carries each."""
+"""Output of every reader: the samples of the receivers, each assigned to the segment that carries it."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from shukotsu.study.layout import Layout
 
 @dataclass(frozen=True)
 class Samples:
-    """N samples in the order of the recording; nothing is checked but that numbers are numbers.
+    """N samples in the order of the recording; their values are not checked yet.
 
     segments : the layout's measured segments, in its order; segment : (N,) indices into them.
-    frame : (N,) the tracker's frame number; time_s : (N,) device time, NaN where there is none.
-    numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame),
-    NaN where there is none, not necessarily unit.
-    locate : sample -> file and line, for messages.
-    flags : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
-    notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
-    losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
-    missing_frames : frames of which the recording should have something and has nothing.
-    tracker : what recorded it, as the file says; empty where it does not.
-    clusters : of markers that do not keep to a rigid shape, what a finding says of each cluster.
-    orientation : the kind of numbers that it has for orientations, see `Declared`; empty where the mapping,
-    or the names of a tidy table's columns, say it.
+    frame : (N,) the tracker's frame number; time_s : (N,) device time, NaN if missing.
+    numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame), NaN if
+    missing; quaternions are not necessarily unit.
+    locate : function from a sample to its file and line, for messages.
+    flags : flags that the reader sets on single samples, flag (a key of poses_table.FLAGS) -> (N,) bool.
+    notes : remarks on the whole recording, a sentence each; for stderr and the table's metadata.
+    losses : those notes that a study reports as findings: data that are lost, damaged or doubtful.
+    missing_frames : number of frames that the recording should contain but does not.
+    tracker : tracker named in the file, or "".
+    clusters : values of a finding for each marker cluster that is not rigid.
+    orientation : kind of orientation in the file, see `Declared`; "" if the mapping or a tidy table's column
+    names define it.
     """
 
     segments: tuple[str, ...]
@@ -49,17 +49,17 @@ class Samples:
     clusters: tuple[Mapping[str, Any], ...] = ()
 
     def take(self, rows: slice) -> Samples:
-        """Return some of the samples, with all that is said of the recording."""
+        """Return a slice of the samples, with the remarks on the whole recording."""
         flags = {flag: marked[rows] for flag, marked in self.flags.items()}
         return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in _ARRAYS})
 
 
 _ARRAYS = ("segment", "frame", "time_s", "numbers")
-"""Fields that have an entry a sample."""
+"""Array fields with one entry per sample."""
 
 
 def join_samples(parts: Iterable[Samples]) -> Samples:
-    """Put the parts of a recording together, at least one, in order."""
+    """Concatenate the parts of a recording (at least one) in order."""
     every = list(parts)
     starts = [0, *itertools.accumulate(len(part.segment) for part in every)]
 
@@ -89,10 +89,12 @@ def join_samples(parts: Iterable[Samples]) -> Samples:
 def unwrapped_frames(
     frames: Sequence[npt.NDArray[np.int64]], times_s: Sequence[npt.NDArray[np.float64]]
 ) -> tuple[list[npt.NDArray[np.int64]], str]:
-    """Return frame numbers counted on where a counter of 8, 16 or 32 bits began anew, and a note of it.
+    """Unwrap frame numbers of a counter of 8, 16 or 32 bits that overflowed; return them and a note.
 
-    frames, times_s : of each receiver, in the order of its rows; the times may be NaN. Where it is not
-    plainly a counter that is full, as the step there is another than elsewhere, they are as they were.
+    If the step at a supposed overflow differs from the other steps, so that it may be something else, the
+    numbers are returned unchanged with an empty note.
+
+    frames, times_s : of each receiver, in the order of its rows; times may be NaN.
     """
     most = max(range(len(frames)), key=lambda receiver: len(frames[receiver]))
     frame, time_s = frames[most], times_s[most]
@@ -111,21 +113,17 @@ def unwrapped_frames(
     out = []
     for other, other_s in zip(frames, times_s, strict=True):
         turns = np.cumsum([0, *(np.diff(other) < -0.75 * size)])[: len(other)]
-        if timed and np.isfinite(other_s).all():  # it may begin later, or be away for a whole turn
+        if timed and np.isfinite(other_s).all():  # it may start late, or miss a whole cycle of the counter
             turns = np.rint((np.interp(other_s, time_s, counted) - other) / size).astype(np.int64)
         out.append(other + size * turns)
-    times = full.sum()
-    return (
-        out,
-        f"the frame counter begins anew after {size - 1}, {count_of(times, 'time')}; its frames are "
-        f"counted on",
-    )
+    times = count_of(full.sum(), "time")
+    return out, f"the frame counter restarts after {size - 1}, {times}; frame numbers are continued"
 
 
 def segments_of_names(
     codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, locate: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:
-    """Return every sample's index into `layout.measured` from the segment names that a recording uses.
+    """Return the index into `layout.measured` of each sample, (N,), from the recording's segment names.
 
     codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
     """
@@ -134,7 +132,7 @@ def segments_of_names(
     if (segment < 0).any():
         first = int(np.argmax(segment < 0))
         name = names[codes[first]]
-        why = f"is not in layout {layout.name}, which knows {', '.join(worn)}{nearest(name, worn)}"
+        why = f"is not in layout {layout.name}, which has {', '.join(worn)}{nearest(name, worn)}"
         if name in layout.segments:
             why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
         raise InputError(f"{locate(first)}: segment {shorten(name, 60)!r} {why}")
@@ -144,9 +142,9 @@ def segments_of_names(
 def segments_of_stations(
     stations: npt.NDArray[np.int64], layout: Layout, locate: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:
-    """Return every sample's index into `layout.measured` from the tracker's station numbers, shape (N,).
+    """Return the index into `layout.measured` of each sample, (N,), from the tracker's station numbers.
 
-    Raises InputError at the first sample of a station that the layout does not name.
+    Raises InputError at the first sample of a station that is not in the layout.
     """
     index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
     index_of.pop(None, None)
@@ -156,8 +154,8 @@ def segments_of_stations(
         first = int(np.argmax(segment < 0))
         numbered = ", ".join(str(number) for number in sorted(filter(None, index_of))) or "none"
         why = (
-            f"sits on no segment of layout {layout.name}, which knows {numbered}; leave its rows out or name "
-            "the receiver in the layout"
+            f"sits on no segment of layout {layout.name}, which has {numbered}; leave its rows out or add "
+            "the receiver to the layout"
         )
         if stations[first] in [worn.left_receiver for worn in layout.segments.values()]:
             why = f"sits on the other hand in layout {layout.name}; leave that hand's rows out"

@@ -1,5 +1,4 @@
-"""Tables of the contract by name: `TABLES["poses"]` or POSES, read from `schemas/tables/poses.yaml` on first
-use.
+"""Catalogue of tables: `TABLES["poses"]` or POSES, read from `schemas/tables/poses.yaml` on first use.
 
 docs/tables.md is generated from these files. Conventions: mm, s, degrees; unit quaternions (w, x, y, z) from
 the receiver's (or bone's) frame to the transmitter's; text columns are never null, empty text means "none".
@@ -59,12 +58,12 @@ _TABLE_OF = dict.fromkeys(_JOINTS, "joint_centres") | {"fitted_bones": "bone_len
 
 
 def table_in(file: str) -> Table:
-    """Table that a subject's file of that name holds; several may hold the same table."""
+    """Return the table in a subject's file of this name; several files may have the same table."""
     return TABLES[_TABLE_OF.get(file, file)]
 
 
 def __getattr__(name: str) -> Table:
-    """Table by its name in capitals, such as POSES."""
+    """Return a table by its name in capitals, such as POSES."""
     if name.isupper() and name.lower() in TABLES:
         return TABLES[name.lower()]
     raise AttributeError(f"{__name__} has no {name}")
@@ -72,14 +71,14 @@ def __getattr__(name: str) -> Table:
 
 @cache
 def shared_columns() -> dict[str, tuple[Column, ...]]:
-    """Columns that several tables share, by their entry in schemas/columns.yaml."""
+    """Return the columns that several tables share, by their entry in schemas/columns.yaml."""
     columns = _yaml(FOLDER / "columns.yaml")["columns"]
     return {name: _columns(name, keys) for name, keys in columns.items()}
 
 
 @cache
 def _names() -> tuple[str, ...]:
-    """Names of all tables, sorted."""
+    """Return the names of all tables, sorted."""
     return tuple(sorted(path.stem for path in (FOLDER / "tables").glob("*.yaml")))
 
 
@@ -96,7 +95,7 @@ def _read_table(name: str) -> Table:
 
 
 def _columns(spelled: str, keys: Mapping[str, str]) -> tuple[Column, ...]:
-    """Columns of one entry: one, or one for each letter of a group such as {x,y,z}."""
+    """Return the columns of one entry: one, or one for each letter of a group such as {x,y,z}."""
     kind, _, length = keys["type"].rstrip("]").partition("[")
     type_ = pa.list_(_TYPES[kind], int(length)) if length else _TYPES[kind]
     braces = r"{([\w,]+)}"

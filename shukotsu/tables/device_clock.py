@@ -1,4 +1,4 @@
-"""A recording's clock: how long frames were recorded, and where its times break."""
+"""A recording's clock: duration of the recording, and breaks in its times."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ import numpy as np
 from shukotsu.arrays import Array, Integers
 
 LEAST_S, LEAST_STEPS = 0.5, 10.0
-"""Deviations count as breaks of the clock beyond both limits: in s, and in usual steps."""
+"""Limits above which a deviation is a break of the clock, in s and in median steps; both must be exceeded."""
 
 DAY_S = 86400.0
 WRAPS_S = (2**16 * 1e-3, *(2**bits * unit for unit in (1e-3, 1e-6, 1e-9) for bits in (31, 32)))
-"""Amounts by which a counter in ms, us or ns falls back when it overflows."""
+"""Amounts in s by which a counter in ms, us or ns falls back when it overflows."""
 
 
 PACKET_STEP, PACKET_GAP = 0.1, 3.0
-"""Frames are of one packet where they are nearer than this share of the usual interval; a gap before a packet
-that is so many times as long as its frames take is a pause."""
+"""Frames closer than this share of the usual interval belong to one packet; a gap before a packet longer than
+this multiple of the duration of its frames is a pause."""
 
 
 @dataclass(frozen=True)
 class Packets:
-    """How frames arrived several at a time. frames : of a packet, usually. rate_hz : of the recording."""
+    """Arrival of frames in packets. frames : median number per packet. rate_hz : frame rate."""
 
     frames: int
     rate_hz: float
 
 
 def without_packets(time_s: Array) -> tuple[Array, Packets | None]:
-    """Spread times of frames that arrived together evenly.
+    """Spread the times of frames that arrived in packets evenly.
 
-    A packet's last frame keeps its time, the others lie between it and the packet before. Times of frames
-    that arrive singly are as they were, and so are those of a clock that stood still for once.
+    The last frame of a packet keeps its time; the others are placed between it and the previous packet. Times
+    of frames that usually arrive singly are unchanged, even if the clock sometimes stood still.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def without_packets(time_s: Array) -> tuple[Array, Packets | None]:
     time_s : array, shape (T,)
         Times, spread.
     packets : Packets or None
-        How frames arrived; None where they arrived singly.
+        Size of packets and frame rate; None if frames arrived singly.
 
     """
     timed = np.flatnonzero(np.isfinite(time_s))
@@ -73,14 +73,14 @@ def without_packets(time_s: Array) -> tuple[Array, Packets | None]:
 
 @dataclass(frozen=True)
 class ClockBreak:
-    """Step of a recording's times in which the clock did not run on.
+    """A step in a recording's times at which the clock did not run on.
 
     Attributes
     ----------
     kind : str
         ahead, back, still, midnight or wrap.
     row : int
-        First frame after the step; of a clock that stands still, the first frame with the repeated time.
+        First frame after the step; for a clock that stood still, the first frame with the repeated time.
     rows : int
         Number of frames with the repeated time; 1 for other kinds.
     from_s, to_s : float
@@ -99,7 +99,7 @@ class ClockBreak:
 
 
 def device_clock(time_s: Array, frame: Integers | None = None) -> tuple[float | None, list[ClockBreak]]:
-    """Duration of a recording by its clock, and the breaks of the clock.
+    """Return the duration of a recording by its clock, and the breaks of the clock.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def device_clock(time_s: Array, frame: Integers | None = None) -> tuple[float | 
     Returns
     -------
     duration_s : float or None
-        Time for which frames were recorded; None where the times do not determine it.
+        Time for which frames were recorded; None if the times do not determine it.
     breaks : list of ClockBreak
         In the order of time.
 
@@ -156,12 +156,12 @@ def device_clock(time_s: Array, frame: Integers | None = None) -> tuple[float | 
 
 
 def _stood(row: int, rows: int, time_s: float) -> list[ClockBreak]:
-    """Break of a clock that stood still."""
+    """Return the break of a clock that stood still."""
     return [ClockBreak("still", int(row), int(rows), float(time_s), float(time_s), 0.0)]
 
 
 def nominal_rate_hz(frame: Integers, time_s: Array) -> float:
-    """Median frame rate of a recording.
+    """Return the median frame rate of a recording.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Limits of input files, checked before they are read; units of lengths and times.
 
-A study may come from any source, and a few bytes can demand any amount of memory or time. A reader accepts
-regular files only, refuses one that expands too far when unpacked, and then stays within a bounded memory.
-The limits are far beyond real recordings and configurations; docs/reliability.md lists them for users.
+A study may come from any source, and a small file can demand any amount of memory or time. Readers therefore
+accept regular files only, refuse files that expand too far when unpacked, and use limited memory. The limits
+are far beyond real recordings and configurations; docs/reliability.md lists them for users.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from pathlib import Path
 from shukotsu.errors import InputError
 
 MEMORY_PER_BYTE, MEMORY_BYTES = 4, 300 * 10**6
-"""Most memory of a reader: a multiple of the file's size, and a constant."""
+"""Largest memory of a reader: a multiple of the file's size plus a constant."""
 
 MOST_EXPANSION = 30
 """Largest expansion of a packed table, beyond MEMORY_BYTES.
 
-Recordings shrink to about a fifth; a file that expands more repeats one number for hours and measures
-nothing.
+Recordings shrink to about a fifth; a file that expands much more mostly repeats one number, so it is not a
+measurement.
 """
 
 CONFIG_BYTES = 2 * 10**6
@@ -28,10 +28,10 @@ CONFIG_BYTES = 2 * 10**6
 CONFIG_DEPTH = 40
 """Deepest nesting of lists and mappings; the shipped files have 6 levels."""
 CONFIG_VALUES = 100_000
-"""Most values in a configuration; an alias counts as everything that it stands for."""
+"""Largest number of values in a configuration; an alias counts as everything that it refers to."""
 
 LARGEST_WHOLE = 10**18
-"""Largest whole number in a configuration, which an integer column can hold."""
+"""Largest whole number in a configuration; it fits into an integer column."""
 
 LINE_LETTERS = 1_000_000
 """Longest line of a table; the poses of sixteen receivers take 2000 characters."""
@@ -43,7 +43,7 @@ NAMES_BYTES = 200
 """Longest total of subject, task and trial, which are part of longer file names."""
 
 FARTHEST_MM = 1e8
-"""Largest coordinate: a hundred kilometres, still met where millimetres are declared as metres."""
+"""Largest coordinate: a hundred kilometres, possible if millimetres are declared as metres."""
 
 HAND_SIZES_MM = {"hand_length_mm": (50.0, 400.0), "hand_breadth_mm": (30.0, 200.0)}
 """Plausible sizes of a hand; anything beyond is in another unit."""
@@ -86,9 +86,9 @@ def check_regular(path: Path, expected: str) -> int:
     Raises
     ------
     InputError
-        Where it is not a regular file.
+        If it is not a regular file.
     OSError
-        Where the system cannot access it, FileNotFoundError among others.
+        If the system cannot access it, for example FileNotFoundError.
 
     """
     try:
@@ -96,7 +96,7 @@ def check_regular(path: Path, expected: str) -> int:
     except ValueError as error:  # a zero byte in the path
         raise InputError(f"{path}: no file can have this name; expected {expected}") from error
     if not stat.S_ISREG(status.st_mode):
-        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "no regular file")
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "not a regular file")
         raise InputError(f"{path}: is {kind}; expected {expected}, a regular file")
     return status.st_size
 
@@ -121,9 +121,9 @@ def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> byte
     Raises
     ------
     InputError
-        Where it is not a regular file or too large.
+        If it is not a regular file or too large.
     OSError
-        Where the system cannot read it.
+        If the system cannot read it.
 
     """
     size = check_regular(path, expected)
@@ -147,7 +147,7 @@ def check_expansion(path: Path, unpacked_bytes: float, remedy: Callable[[], str]
     Raises
     ------
     InputError
-        Where that is beyond MOST_EXPANSION times its size and MEMORY_BYTES.
+        If that is more than MOST_EXPANSION times its size plus MEMORY_BYTES.
 
     """
     size = path.stat().st_size

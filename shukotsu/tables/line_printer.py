@@ -1,4 +1,4 @@
-"""Lines for the terminal: permanent ones, and one that is rewritten in place."""
+"""Print lines on the terminal: permanent ones, and one that is rewritten in place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BAR_LETTERS = 30
 
 
 class LinePrinter:
-    """Printer of lines on a stream; a stream that closes meanwhile is ignored and the work continues.
+    """Printer of lines on a stream; if the stream is closed, further lines are dropped without an error.
 
     in_place : whether the stream is a terminal, on which a line can be rewritten.
     """
@@ -29,7 +29,7 @@ class LinePrinter:
         self._write(f"{line}\n")
 
     def show(self, line: str) -> None:
-        """Print a line over the one shown before, or below it where the stream is not a terminal."""
+        """Print a line over the previous one, or below it if the stream is not a terminal."""
         if not self.in_place:
             self._write(f"{line}\n")
             return
@@ -48,7 +48,7 @@ class LinePrinter:
         try:
             self._stream.write(text)
             self._stream.flush()
-        except OSError:  # otherwise the rest of the buffer fails again when the program ends
+        except OSError:  # otherwise the buffered text would fail again when the program ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
         except ValueError:
             self._stream = None
@@ -61,24 +61,24 @@ def progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
     Parameters
     ----------
     what : str
-        What is counted, a plural.
+        Plural noun for what is counted.
     total : int
-        Number of them in all.
+        Total number.
 
     Yields
     ------
     callable
-        Takes the number that is done.
+        Function that draws the bar, given the number completed.
 
     """
     printer = LinePrinter(sys.stderr)
 
-    def tell(done: int) -> None:
+    def draw(done: int) -> None:
         if printer.in_place and total > 1:
             printer.show(f"[{'#' * (BAR_LETTERS * done // total):{BAR_LETTERS}}] {done} of {total} {what}")
 
-    tell(0)
+    draw(0)
     try:
-        yield tell
+        yield draw
     finally:
         printer.clear()

@@ -1,7 +1,7 @@
-"""Parquet files: opened in one place, so that damage is detected, named, and never read as data.
+"""Open Parquet files, in one place, so that damage is detected and reported, and never read as data.
 
-A file written by this program carries the SHA-256 of its bytes, stored between the last page and the footer.
-Parquet readers ignore that place: the footer gives the positions of pages from the start of the file and is
+A file written by this program contains the SHA-256 of its bytes, stored between the last page and the footer.
+Parquet readers ignore that gap: the footer gives the positions of pages from the start of the file and is
 itself found from the end. In addition every page has a CRC-32, which remains when another program rewrites
 the file, but does not protect page headers and the footer with its statistics and metadata.
 """
@@ -28,7 +28,7 @@ _DIGEST_BYTES = 32
 _PIECE_BYTES = 1 << 20
 _VALUE_BYTES = 8
 _END_BYTES = 8
-"""Length of the footer's size and of the letters that end every Parquet file."""
+"""Length of the footer's size field and of the letters that end every Parquet file."""
 
 
 def store_digest(path: Path) -> None:
@@ -45,9 +45,7 @@ def store_digest(path: Path) -> None:
 
 @lru_cache(maxsize=4096)
 def _digest_holds(path: Path, *_: int) -> bool | None:
-    """Whether a file matches the digest that it carries; None where it carries none. Cached by the file's
-    state.
-    """
+    """Return whether a file matches its digest; None if it has no digest. Cached by the file's state."""
     with path.open("rb") as stream:
         footer_at = _footer_at(stream)
         stored_at = footer_at - len(_MARK) - _DIGEST_BYTES
@@ -67,9 +65,7 @@ def _digest_holds(path: Path, *_: int) -> bool | None:
 
 
 def _footer_at(stream: BinaryIO) -> int:
-    """Start of the footer according to the file's last bytes; in a damaged file any number, negative ones
-    included.
-    """
+    """Return the start of the footer by the file's last bytes; in a damaged file it may be any number."""
     end = stream.seek(0, 2)
     stream.seek(max(0, end - _END_BYTES))
     return end - _END_BYTES - int.from_bytes(stream.read(4), "little")
@@ -100,14 +96,14 @@ def open_parquet(
     Raises
     ------
     TableError
-        Where the file is absent, not a Parquet file, damaged, or declares far more data than its size allows.
+        If the file is absent, not a Parquet file, damaged, or declares far more data than its size allows.
 
     """
     try:
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
             if _digest_holds(path, *file_state(path)) is False:
-                raise ValueError("not the bytes of its checksum")
+                raise ValueError("its checksum does not match")
             file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,
@@ -134,18 +130,18 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
 
 
 def is_sealed(path: Path) -> bool:
-    """Whether a file carries a digest, which holds if it was opened here."""
+    """Return whether a file has a digest; that it matches is checked when the file is opened."""
     return _digest_holds(path, *file_state(path)) is not None
 
 
 def column_ends(
     path: Path, file: pq.ParquetFile, group: int, column: int, *, sealed: bool, with_nulls: bool = False
 ) -> tuple[Any, Any] | None:
-    """Smallest and largest value of a column in a row group.
+    """Return the smallest and largest value of a column in a row group, from the footer's statistics.
 
-    Where a footer contradicts itself, pyarrow aborts the process when its statistics are read. In a file
-    without a digest, whose footer may have been changed by anything, the column is therefore read first,
-    which raises an exception instead, and its type is compared.
+    If a footer contradicts itself, pyarrow aborts the process when its statistics are read. For a file
+    without a digest, whose footer may have been changed, the column is therefore read first, which raises an
+    exception instead, and its type is compared.
 
     Parameters
     ----------
@@ -156,19 +152,19 @@ def column_ends(
     group, column : int
         Indices of the row group and the column.
     sealed : bool
-        What `is_sealed` says of the file.
+        Whether the file has a digest, see `is_sealed`.
     with_nulls : bool
         Whether to accept a column that has nulls.
 
     Returns
     -------
     tuple or None
-        Smallest and largest value; None where the statistics are missing or do not cover every row.
+        Smallest and largest value; None if the statistics are missing or do not cover every row.
 
     Raises
     ------
     TableError
-        Where the file is damaged.
+        If the file is damaged.
 
     """
     with naming_damage(path):

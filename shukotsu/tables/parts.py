@@ -1,7 +1,8 @@
-"""Subject tables: the rows of all skeletons of a subject in one file, each skeleton a part of it.
+"""Subject tables: one file with the rows of all skeletons of a subject, in which each skeleton is a part.
 
-A part is one hand under one model, made from all calibration recordings or without those of one task. It has
-rows, or it failed and the file records why. The file's metadata list the parts with their parameters.
+A part is one hand under one model, made from all calibration recordings or without those of one task. It
+either has rows, or it failed and the file contains the reason. The file's metadata list the parts with their
+parameters.
 """
 
 from __future__ import annotations
@@ -35,14 +36,14 @@ from shukotsu.tables.typed_table import (
 from shukotsu.tables.whole_files import remedy_of
 
 PARTS_KEY = "shukotsu_parts"
-"""Key of the file-level metadata: a JSON list with one object per part."""
+"""Key in the file-level metadata of a JSON list with one object per part."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """Part of a subject table: one skeleton. A key that the table does not have is empty.
+    """A part of a subject table: one skeleton. Keys without a column in the table are empty.
 
-    made_without : the task whose recordings were left out; empty for the skeleton from all of them.
+    made_without : task whose recordings were left out; "" for the skeleton from all recordings.
     """
 
     hand: str
@@ -88,9 +89,7 @@ class PartsWriter:
         self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
 
     def failure(self, part: Part, message: str, **parameters: Any) -> None:
-        """Record why a part has no rows; its rows are dropped, and readers ignore its columns already
-        written.
-        """
+        """Record why a part failed; pending rows are dropped, and readers ignore columns already written."""
         self._waiting = [(other, rows) for other, rows in self._waiting if other != part]
         self._parts.setdefault(part, {}).update({**parameters, "failure": message})
 
@@ -105,7 +104,7 @@ class PartsWriter:
 
 @contextmanager
 def parts_writer(path: Path, table: Table, provenance: Provenance) -> Iterator[PartsWriter]:
-    """Open a subject table for writing its parts; the file appears when it is closed."""
+    """Open a subject table for writing its parts; the file is put in place when it is closed."""
     schema = table.arrow_schema(provenance.metadata())
     with table_writer(path, table, schema) as writer:
         parts = PartsWriter(table, schema, writer)
@@ -114,16 +113,16 @@ def parts_writer(path: Path, table: Table, provenance: Provenance) -> Iterator[P
 
 
 def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
-    """Parameters of every part of a subject table, with `failure` where the part failed.
+    """Return the parameters of each part of a subject table; a failed part has the reason as `failure`.
 
-    Raises InputError where the file is another table or does not list its parts.
+    Raises InputError if the file is another table or does not list its parts.
     """
     with open_table(path, table) as file:
         return _parts_of(file.file, path)
 
 
 def parts_in(path: Path) -> list[Part]:
-    """Parts of any subject table; none where the file is absent or not a subject table."""
+    """Return the parts of a subject table; an empty list if the file is absent or not a subject table."""
     if not path.is_file():
         return []
     with open_parquet(path, "a subject table") as file:
@@ -131,9 +130,9 @@ def parts_in(path: Path) -> list[Part]:
 
 
 def check_subject(path: Path, subject: str, session: str = "") -> None:
-    """Raise TableError where a subject table holds only other subjects or sessions.
+    """Raise TableError if a subject table has only other subjects or sessions.
 
-    A file that is absent or not a subject table is left to its reader, which reports what it expects.
+    A file that is absent or not a subject table is accepted here; its reader reports the error.
     """
     subjects = sorted({(part.subject, part.session) for part in parts_in(path)})
     if subjects and (subject, session) not in subjects:
@@ -144,9 +143,9 @@ def check_subject(path: Path, subject: str, session: str = "") -> None:
 
 
 def one_hand_of(path: Path, table: Table, subject: str | None, session: str | None, hand: str | None) -> Hand:
-    """The only hand of a subject table, or the one that matches the given subject, session and side.
+    """Return the only hand of a subject table, or the one that matches the given subject, session and side.
 
-    Raises InputError where not exactly one hand matches.
+    Raises InputError unless exactly one hand matches.
     """
     with open_table(path, table) as file:
         hands = {Hand(part.subject, part.hand, part.session) for part in _parts_of(file.file, path)}
@@ -157,21 +156,19 @@ def one_hand_of(path: Path, table: Table, subject: str | None, session: str | No
     ]
     if len(matching) != 1:
         names = "; ".join(sorted(map(str, hands))) or "none"
-        raise InputError(
-            f"{path}: holds hands of {names}; say with --subject, --session and --hand which one to take"
-        )
+        raise InputError(f"{path}: has hands of {names}; select one with --subject, --session and --hand")
     return matching[0]
 
 
 class PartsReader:
-    """Subject table that is open for reading, see `open_parts`."""
+    """A subject table open for reading, see `open_parts`."""
 
     def __init__(self, file: TableFile) -> None:
         self._file = file
         self._parts = _parts_of(file.file, file.path)
 
     def _keys(self, part: Part) -> dict[str, str]:
-        """Key columns of a part; TableError where the table lacks it, InputError where it failed."""
+        """Return the key columns of a part. Raises TableError if it is missing, InputError if it failed."""
         if part not in self._parts:
             raise TableError(f"{self._file.path}: has no rows of {part}; {remedy_of(self._file.path)}")
         if "failure" in self._parts[part]:
@@ -179,8 +176,9 @@ class PartsReader:
         return _named_keys(self._file.table, part)
 
     def rows(self, part: Part) -> list[Any]:
-        """Rows of a part of a short table, which is read as a whole on first use. Raises InputError as
-        `part`.
+        """Return the rows of a part; the table, which must be short, is read as a whole on first use.
+
+        Raises InputError as `part`.
         """
         return self._rows.get(tuple(self._keys(part).values()), [])
 
@@ -196,7 +194,7 @@ class PartsReader:
     def part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
         """Read the rows of a part, or some of their columns.
 
-        Raises InputError where the table lacks the part, or the part failed.
+        Raises InputError if the table lacks the part, or the part failed.
         """
         pieces = [rows for _, rows in self._file.rows_with(self._keys(part), columns)]
         return pa.concat_tables(pieces or [self._file.read(columns, [])])
@@ -226,18 +224,18 @@ class PartsReader:
         frames : array of int, shape (T,), optional
             Ascending frame numbers to read; all rows if omitted.
         name : str
-            The only segment, digit or joint to read, whichever the table's rows are of; all if empty.
+            Name of the only segment, digit or joint to read; all if empty.
 
         Returns
         -------
         dict
-            Name -> array (T, C), null as NaN, in the order of the file, or NaN where a requested frame has no
-            row.
+            Name of the segment, digit or joint -> array (T, C), null as NaN, in the order of the file; NaN
+            for requested frames without a row.
 
         Raises
         ------
         InputError
-            As `part`; TableError where the number of rows differs from n_frames.
+            As `part`; TableError if the number of rows differs from n_frames.
 
         """
         by = next(column for column in ("segment", "joint", "digit") if column in self._file.table.key)
@@ -266,8 +264,7 @@ class PartsReader:
                 where = ", ".join(filter(None, (task, trial, label)))
                 raise TableError(
                     f"{self._file.path}: {where}: has {count_of(count, 'frame')} and the recording "
-                    f"{n_frames}; "
-                    f"{remedy_of(self._file.path)}"
+                    f"{n_frames}; {remedy_of(self._file.path)}"
                 )
         return {label: np.concatenate(rows) if rows[1:] else rows[0] for label, rows in pieces.items()}
 
@@ -276,19 +273,19 @@ class PartsReader:
 def open_parts(path: Path, table: Table) -> Iterator[PartsReader]:
     """Open a subject table to read several of its parts or recordings.
 
-    Raises InputError where the file is another table or does not list its parts.
+    Raises InputError if the file is another table or does not list its parts.
     """
     with open_table(path, table) as file:
         yield PartsReader(file)
 
 
 Opened = Callable[[Path, Table], AbstractContextManager[PartsReader]]
-"""What opens a subject table: `open_parts`, or that which `opened_once` yields."""
+"""Function that opens a subject table: `open_parts`, or the one that `opened_once` yields."""
 
 
 @contextmanager
 def opened_once() -> Iterator[Opened]:
-    """Yield what opens subject tables, each once and until the end of the context."""
+    """Yield a function that opens each subject table only once, until the end of the context."""
     with ExitStack() as stack:
         kept = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
         yield lambda path, table: nullcontext(kept(path, table))
@@ -297,14 +294,14 @@ def opened_once() -> Iterator[Opened]:
 def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
     """Read the rows of one part, or some of their columns.
 
-    Raises InputError where the file is another table, lacks the part, or the part failed.
+    Raises InputError if the file is another table, lacks the part, or the part failed.
     """
     with open_parts(path, table) as parts:
         return parts.part(part, columns)
 
 
 def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
-    """Columns (N, C) of the rows of each name in the column `by`, in order of first appearance."""
+    """Return for each name in the column `by` the columns of its rows (N, C), in order of appearance."""
     numbers = _numbers(rows, columns)
     names = rows.column(by).combine_chunks().dictionary_encode()
     codes = names.indices.to_numpy()
@@ -312,25 +309,25 @@ def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str
 
 
 def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
-    """Numerical columns as one array (N, C), null as NaN."""
+    """Return numerical columns as one array (N, C), null as NaN."""
     return np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
 
 
 def _named_keys(table: Table, part: Part) -> dict[str, str]:
-    """Keys of a part for which the table has columns."""
+    """Return the keys of a part for which the table has columns."""
     names = {column.name for column in table.columns}
     return {name: value for name, value in vars(part).items() if name in names}
 
 
 def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
-    """Parts listed in the file's metadata, with their parameters."""
+    """Return the parts listed in the file's metadata, with their parameters."""
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
         names = [field.name for field in fields(Part)]
         texts = [entry[name] for entry in listed for name in names]
         texts += [entry.get(name, "") for entry in listed for name in ("failure", "note")]
         if not all(isinstance(text, str) for text in texts):
-            raise TypeError("a name or a reason is no text")
+            raise TypeError("a name or a reason is not text")
         return {Part(*(entry.pop(name) for name in names)): entry for entry in listed}
     except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise TableError(f"{path}: does not list its parts; {remedy_of(path)}") from error

@@ -1,4 +1,4 @@
-"""Receiver poses as arrays: the poses table, read whole or in blocks of frames.
+"""Read receiver poses as arrays: the poses table, as a whole or in blocks of frames.
 
 The table is a complete grid: every segment has a row for every frame. A block of frames is therefore the same
 slice of every segment, and a recording never has to be in memory as a whole.
@@ -28,7 +28,7 @@ from shukotsu.tables.whole_files import file_state
 BLOCK_FRAMES = 1 << 16
 
 KEPT_BYTES = 200 * 10**6
-"""Total size of recordings cached after a full read; one larger than a quarter of it is not cached."""
+"""Largest total size of cached recordings; one larger than a quarter of it is not cached."""
 
 BYTES_A_POSE = 57
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -65,7 +65,7 @@ class Poses:
     frame : array of int, shape (T,)
         Frame numbers.
     time_s : array, shape (T,)
-        Device time of the first segment that has one, NaN where none has.
+        Device time of the first segment that has one in the frame, else NaN.
     position_mm : array, shape (T, S, 3)
         Receiver origins in the transmitter frame.
     quaternion : array, shape (T, S, 4)
@@ -83,30 +83,28 @@ class Poses:
     valid: Bools
 
     def index(self, segment: str) -> int:
-        """Index of the segment in the second dimension."""
+        """Return the index of the segment in the second dimension."""
         return self.segments.index(segment)
 
     def take(self, rows: slice | Integers) -> Poses:
-        """Select some of the frames.
+        """Select frames.
 
         Parameters
         ----------
         rows : slice or array of int
-            Their indices.
+            Indices of the frames.
 
         Returns
         -------
         Poses
-            With these frames.
+            The selected frames.
 
         """
         return Poses(self.segments, *(array[rows] for array in _arrays(self)))
 
 
 PosesReader = Callable[..., Iterator[Poses]]
-"""Function of segment names that yields a hand's recordings, long ones in blocks, with at least those
-segments.
-"""
+"""Function of segment names that yields a hand's recordings with these segments, long ones in blocks."""
 
 
 def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
@@ -140,12 +138,12 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
 
 def recording_name(path: Path) -> RecordingName:
-    """Name of a recording from the metadata of its poses file, even where its import failed.
+    """Return the name of a recording from the metadata of its poses file, even if its import failed.
 
     Raises
     ------
     TableError
-        Where the file is not a poses table or its metadata lack a name.
+        If the file is not a poses table or its metadata lack a name.
 
     """
     metadata = read_metadata(path, f"a {POSES.name} table")
@@ -153,7 +151,7 @@ def recording_name(path: Path) -> RecordingName:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
     parameters = metadata["parameters"]
     names = {name: parameters.get(name) for name in ("subject", "hand", "task", "trial")}
-    names["session"] = parameters.get("session", "")  # a recording without one does not name it
+    names["session"] = parameters.get("session", "")  # only stored if there is one
     for name, text in names.items():
         if not isinstance(text, str):
             raise TableError(f"{path}: its metadata lacks {name!r}; make it with `shukotsu import`")
@@ -198,12 +196,12 @@ def read_poses(path: Path, segments: Sequence[str]) -> Poses:
 
 
 def _is_kept(path: Path, segments: Sequence[str]) -> bool:
-    """Whether a recording is short enough to be cached."""
+    """Return whether a recording is short enough to be cached."""
     return frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
 
 
 def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
-    """Read one frame in so many of a whole recording, the first one included.
+    """Read every n-th frame of a whole recording, from the first on.
 
     Parameters
     ----------
@@ -212,12 +210,12 @@ def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
     segments : sequence of str
         Segments; one that the file lacks is never valid.
     every : int
-        Frames from one that is read to the next; 1 for all.
+        Step between the frames to read; 1 for all.
 
     Returns
     -------
     Poses
-        The frames that are kept.
+        The selected frames.
 
     Raises
     ------
@@ -242,7 +240,7 @@ def joined_poses(parts: Sequence[Poses]) -> Poses:
     Parameters
     ----------
     parts : sequence of Poses
-        At least one, in the order of time.
+        At least one part, in the order of time.
 
     Returns
     -------
@@ -259,12 +257,12 @@ _kept: OrderedDict[tuple[tuple[int, ...], tuple[str, ...]] | None, Poses] = Orde
 
 
 def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
-    """Arrays of the poses, in the order of the constructor."""
+    """Return the arrays of the poses, in the order of the constructor."""
     return poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid
 
 
 def _size_bytes(poses: Poses) -> int:
-    """Memory of the poses' arrays."""
+    """Return the size of the poses' arrays in memory."""
     return sum(array.nbytes for array in _arrays(poses))
 
 
@@ -285,12 +283,12 @@ def pose_blocks(
     Yields
     ------
     Poses
-        At least one block, which is empty where the recording has no frames.
+        At least one block, which is empty if the recording has no frames.
 
     Raises
     ------
     InputError
-        Where the file is not a poses table, or its segments do not share their frames.
+        If the file is not a poses table, or its segments have different frames.
 
     """
     with open_table(path, POSES) as file:
@@ -318,10 +316,9 @@ def pose_blocks(
 
 
 def check_layout(path: Path, layout: str, measured: Sequence[str], segments: Collection[str]) -> None:
-    """Raise TableError where a poses file was imported with a layout of other segments.
+    """Raise TableError if a poses file was imported with a layout that has other segments.
 
-    A layout that measures fewer of the segments is accepted, and so is a recording in which fewer receivers
-    were worn.
+    A layout that measures fewer of the segments is accepted, and so is a recording with fewer receivers.
 
     Parameters
     ----------
@@ -333,7 +330,7 @@ def check_layout(path: Path, layout: str, measured: Sequence[str], segments: Col
         Segments that the layout measures, and all its segments.
 
     """
-    with open_parquet(path, f"a {POSES.name} table") as file:  # which also opens a failed import
+    with open_parquet(path, f"a {POSES.name} table") as file:  # unlike open_table, accepts a failed import
         present = _row_groups(TableFile(path, POSES, file))
     made_with = read_metadata(path)["parameters"].get("layout", layout)
     lacking = [name for name in measured if name not in present]
@@ -345,7 +342,7 @@ def check_layout(path: Path, layout: str, measured: Sequence[str], segments: Col
 
 
 def seen_segments(path: Path) -> set[str]:
-    """Return the segments that have a valid pose in some frame of a poses file, which its footer tells."""
+    """Return the segments that have a valid pose in any frame of a poses file, by its footer's statistics."""
     with open_table(path, POSES) as file:
         return {
             segment
@@ -355,29 +352,27 @@ def seen_segments(path: Path) -> set[str]:
 
 
 def frame_count(path: Path) -> int:
-    """Number of frames of a poses file, read from its footer."""
+    """Return the number of frames of a poses file, from its footer."""
     return _frame_count(path, *(file_state(path) if path.is_file() else ()))
 
 
 @lru_cache(maxsize=256)
 def _frame_count(path: Path, *_: int) -> int:
-    """As `frame_count`, cached by the file's state."""
+    """Return the number of frames, see `frame_count`; cached by the file's state."""
     with open_table(path, POSES) as file:
         groups = next(iter(_row_groups(file).values()), [])
         return sum(file.group_rows[group] for group in groups)
 
 
 def _row_groups(file: TableFile) -> dict[str, list[int]]:
-    """Row groups of each segment; TableError where one holds several segments, or does not say which."""
+    """Return the row groups of each segment. Raises TableError unless each group is of one known segment."""
     groups: dict[str, list[int]] = {}
     for group, n_rows in enumerate(file.group_rows):
         if not n_rows:
             continue
         ends = file.ends(group, "segment")
         if ends is None or ends[0] != ends[1]:
-            raise TableError(
-                f"{file.path}: a row group holds several segments; make it with `shukotsu import`"
-            )
+            raise TableError(f"{file.path}: a row group has several segments; make it with `shukotsu import`")
         groups.setdefault(ends[0], []).append(group)
     return groups
 
@@ -385,9 +380,9 @@ def _row_groups(file: TableFile) -> dict[str, list[int]]:
 def _pieces(
     file: TableFile, groups: Sequence[int], size: int
 ) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
-    """Read a segment's columns, one row group in memory at a time, cut where blocks of `size` frames end.
+    """Read a segment's columns, one row group at a time, split at the ends of blocks of `size` frames.
 
-    Yields the slice of the block that each piece fills, with its columns.
+    Yields for each piece the slice of its block, and its columns.
     """
     start = 0
     for group in groups:
@@ -403,8 +398,8 @@ def _pieces(
 
 
 def _unshared_frames(path: Path, segment: str) -> TableError:
-    """Error of a segment whose frames differ from those of the others."""
-    return TableError(f"{path}: segment {segment} does not have the frames of the others; make it again")
+    """Return the error for a segment whose frames differ from those of the others."""
+    return TableError(f"{path}: segment {segment} has other frames than the other segments; make it again")
 
 
 def _fill(
@@ -426,14 +421,14 @@ def _fill(
     np.copyto(times, columns["time_s"], where=np.isnan(times))
     for axis, name in enumerate(NUMBERS):
         if (columns["valid"] & (np.abs(columns[name]) > FARTHEST_MM)).any():  # squares overflow
-            raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
+            raise TableError(f"{path}: column {name} has impossible numbers; make it again")
         numbers, component = (block.position_mm, axis) if axis < 3 else (block.quaternion, axis - 3)
         numbers[rows, index, component] = columns[name]
     block.valid[rows, index] = columns["valid"]
 
 
 def _empty(segments: Sequence[str], n_frames: int) -> Poses:
-    """Poses to be filled in, column-major as in the file; valid nowhere."""
+    """Return poses to be filled in, column-major as in the file, none of them valid."""
     shape = (n_frames, len(segments))
     return Poses(
         tuple(segments),
@@ -446,13 +441,13 @@ def _empty(segments: Sequence[str], n_frames: int) -> Poses:
 
 
 def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, hand: str | None) -> Hand:
-    """The hand of all poses files, or the given one where there is no file.
+    """Return the hand of all poses files, or the given hand if there are no files.
 
-    Raises InputError where the files disagree with each other or with what is given.
+    Raises InputError if the files disagree with each other or with the given subject, session and hand.
     """
     names = [(path, recording_name(path)) for path in paths]
     if not names and (subject is None or hand is None):
-        raise InputError("no poses file, so --subject and --hand must say whose hand it is")
+        raise InputError("without a poses file, --subject and --hand must state whose hand it is")
     name = names[0][1] if names else RecordingName("", "", "")
     wanted = Hand(subject or name.subject, hand or name.hand, name.session if session is None else session)
     for path, name in names:
@@ -462,9 +457,9 @@ def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, ha
 
 
 def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Split poses files into those that hold poses, and the reasons why the others hold none.
+    """Return the poses files whose import succeeded, and the reasons why the others failed.
 
-    Raises TableError where a file is not a poses table.
+    Raises TableError if a file is not a poses table.
     """
     usable, reasons = [], []
     for path in paths:

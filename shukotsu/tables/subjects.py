@@ -1,4 +1,4 @@
-"""Identity of a row: subject, session and hand, and the names of their folders."""
+"""Identifiers of rows: subject, session and hand, and their names in paths."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from shukotsu.tables.limits import NAMES_BYTES
 from shukotsu.translation import tr
 
 REPETITIONS = 20
-"""Snakemake takes a name that ends in this many repetitions for a rule that depends on itself."""
+"""Number of repetitions at the end of a name from which Snakemake assumes a rule that depends on itself."""
 
 
 def path_token(text: str) -> str:
@@ -28,7 +28,7 @@ def path_token(text: str) -> str:
 
 
 class SubjectSession(NamedTuple):
-    """Subject and session of a skeleton; the session is empty where the study names none."""
+    """Subject and session of a skeleton; the session is "" if the study has no sessions."""
 
     subject: str
     session: str = ""
@@ -40,7 +40,7 @@ class SubjectSession(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Subject, and session where there is one."""
+        """Subject, and session if there is one."""
         return f"{self.subject}, session {self.session}" if self.session else self.subject
 
     def __str__(self) -> str:
@@ -50,7 +50,7 @@ class SubjectSession(NamedTuple):
 
 @dataclass(frozen=True)
 class Hand:
-    """One hand of a subject, in one session where the study names any."""
+    """One hand of a subject, in one session if the study has sessions."""
 
     subject: str
     hand: str

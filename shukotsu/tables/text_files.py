@@ -1,4 +1,4 @@
-"""Text files: read whole or opened for reading, with one clear sentence for anything that is not text."""
+"""Read and open text files, with one clear sentence of error for anything that is not text."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _OTHER_KINDS = (
     (b"\x1f\x8b", "is packed by gzip", "text"),
     (b"PAR1", "is a Parquet file", "text"),
 )
-"""First bytes of other kinds of files, what they are, and the form to save them in instead."""
+"""First bytes of other kinds of files, their description, and the format in which to save them instead."""
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 """First bytes of UTF-16 text, which Excel saves as Unicode text."""
 NO_VALUE = (
     r"|[+-]?nan(\(\w*\))?|#?n/?a|n\.a\.?|<na>|none|null|nil|nat|missing|\.+|\?|[+-]?1\.#(qnan|snan|ind|nan)\w*"
     "|#(num|null|value|div/0)!|[-\N{MINUS SIGN}\N{EN DASH}\N{EM DASH}]+"
 )
-"""Spellings of an empty value, in any case, as a pattern of a whole cell."""
+"""Pattern of cells that mean "no value", to be matched without regard to case."""
 
 
 def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: str = "") -> str:
@@ -40,7 +40,7 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
     most_bytes : int, optional
         Largest accepted size.
     remedy : str
-        How to obtain the file where it is absent.
+        How to obtain the file if it does not exist.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
     Raises
     ------
     InputError
-        Where the file is absent, too large, of another kind or not UTF-8.
+        If the file does not exist, is too large, of another kind or not UTF-8.
 
     """
     with reading(path, expected, remedy):
@@ -59,7 +59,7 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
 
 
 def decode_text(path: Path, data: bytes, expected: str) -> str:
-    """Decode the bytes of a text file. Raises InputError where they are of another kind or not UTF-8."""
+    """Decode the bytes of a text file. Raises InputError if they are of another kind or not UTF-8."""
     refuse_other_kind(path, data[:8], expected)
     data = utf8_bytes(path, data)
     try:
@@ -70,29 +70,32 @@ def decode_text(path: Path, data: bytes, expected: str) -> str:
 
 
 def utf8_bytes(path: Path, data: bytes) -> bytes:
-    """Return the bytes of a text in UTF-8, where they are in UTF-16. Raises InputError where they are not."""
+    """Convert UTF-16 text, recognised by its first bytes, to UTF-8; return other bytes unchanged.
+
+    Raises InputError if text that begins as UTF-16 cannot be decoded.
+    """
     try:
         return data.decode("utf-16").encode() if data.startswith(_UTF_16) else data
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: begins as UTF-16 text and is none; save it as UTF-8") from error
+        raise InputError(f"{path}: begins as UTF-16 text but is not valid; save it as UTF-8") from error
 
 
 def undecodable(path: Path, line: int) -> InputError:
-    """Error that names the first line that is not UTF-8."""
+    """Return an InputError for the first line that is not UTF-8."""
     return InputError(f"{path}: line {line}: is not UTF-8 text; save it as UTF-8")
 
 
 def refuse_other_kind(path: Path, start: bytes, expected: str) -> None:
-    """Raise InputError where the first bytes of a file belong to a kind that is not text."""
+    """Raise InputError if the first bytes of a file are those of a kind that is not text."""
     for signature, what, save in _OTHER_KINDS:
         if start.startswith(signature):
             raise InputError(f"{path}: {what}; expected {expected}: save it as {save}")
 
 
 def open_text(path: Path, expected: str = "a recording") -> BinaryIO:
-    """Open a text file to read its bytes, as UTF-8.
+    """Open a text file for reading its bytes; UTF-16 is converted to UTF-8.
 
-    Raises InputError where it is of another kind, else as `open`.
+    Raises InputError if it is of another kind, and OSError as `open` does.
     """
     check_regular(path, expected)
     stream = path.open("rb")
@@ -111,7 +114,7 @@ def open_text(path: Path, expected: str = "a recording") -> BinaryIO:
 
 @contextmanager
 def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iterator[None]:
-    """Convert errors of opening or reading a file into an InputError with one sentence."""
+    """Convert errors of opening or reading a file, within the `with` block, into an InputError."""
     try:
         yield
     except FileNotFoundError as error:
@@ -124,14 +127,14 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
 
 
 def slash_hint(path: str) -> str:
-    """Hint for a path with the separators of another system; empty for any other path."""
+    """Return a hint for a path with the separators of another system, or "" for any other path."""
     return "; folders are separated by / and not by \\" if "\\" in path else ""
 
 
 def replaced_between(page: str, start: str, end: str, text: str) -> str:
-    """The page with the text between two marks replaced; InputError where a mark is missing."""
+    """Return the page with the text between two marks replaced. Raises InputError if a mark is missing."""
     before, opened, rest = page.partition(start)
     _, closed, after = rest.partition(end)
     if not (opened and closed):
-        raise InputError(f"the page lacks {start} or {end}; put the marks where the text is to be")
+        raise InputError(f"the page lacks {start} or {end}; insert the marks where the text belongs")
     return f"{before}{start}\n\n{text}\n\n{end}{after}"

@@ -1,6 +1,6 @@
-"""Typed Parquet tables: how they are declared, written and read.
+"""Declare, write and read typed Parquet tables.
 
-A table carries in its metadata its name and version, the unit and meaning of every column, the hashes of its
+The metadata of a table contain its name and version, the unit and meaning of every column, the hashes of its
 inputs and the version of the program. Gaps are null, never NaN.
 """
 
@@ -27,14 +27,14 @@ from shukotsu.tables.parquet_files import column_ends, is_sealed, naming_damage,
 from shukotsu.tables.whole_files import file_sha256, files_in, replacing
 
 METADATA_KEY = b"shukotsu"
-"""Key of the schema-level metadata: one JSON object, for programs that drop Arrow's field metadata."""
+"""Key of the schema-level metadata, a JSON object, for programs that drop Arrow's field metadata."""
 
 ROW_GROUP_ROWS = 1 << 17
 
 
 @dataclass(frozen=True)
 class Column:
-    """Column of a table: Arrow type, unit (empty where it has none) and meaning."""
+    """A column of a table: Arrow type, unit ("" if it has none) and meaning."""
 
     name: str
     type: pa.DataType
@@ -45,7 +45,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Table of the contract: the meaning of a row, the columns, and those that identify a row."""
+    """Declaration of a table: meaning of a row, columns, and the key columns that identify a row."""
 
     name: str
     version: int
@@ -56,17 +56,17 @@ class Table:
     def __post_init__(self) -> None:
         names = [column.name for column in self.columns]
         assert len(set(names)) == len(names), f"{self.name}: a column is declared twice"
-        assert set(self.key) <= set(names), f"{self.name}: the key names a column that is not there"
+        assert set(self.key) <= set(names), f"{self.name}: the key names a column that does not exist"
 
     def column(self, name: str) -> Column:
-        """Column by name; KeyError where there is none."""
+        """Return a column by name. Raises KeyError if there is none."""
         for column in self.columns:
             if column.name == name:
                 return column
         raise KeyError(name)
 
     def arrow_schema(self, metadata: Mapping[str, Any]) -> pa.Schema:
-        """Arrow schema with units and meanings in the fields, and once more in one JSON object."""
+        """Return the Arrow schema, with units and meanings in the fields and also in one JSON object."""
         fields = [
             pa.field(c.name, c.type, c.nullable, {"unit": c.unit, "description": c.description})
             for c in self.columns
@@ -85,14 +85,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Inputs and parameters that a table was made from; without dates and absolute paths, so bytes repeat."""
+    """Inputs and parameters of a table; no dates or absolute paths, so that files are reproducible."""
 
     inputs: tuple[tuple[str, str], ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, inputs: Sequence[Path], folder: Path | None = None, **parameters: Any) -> Provenance:
-        """Hash the input files that can be read, for a folder all its files.
+        """Hash the readable input files; of a folder, all its files.
 
         Parameters
         ----------
@@ -101,12 +101,12 @@ class Provenance:
         folder : Path, optional
             Folder to which names of files below it are relative; other files are named without their folders.
         **parameters : Any
-            JSON types.
+            Parameters, as JSON types.
 
         Returns
         -------
         Provenance
-            Names with SHA-256, and the parameters.
+            Names of files with their SHA-256, and the parameters.
 
         """
         files = [file for path in inputs for file in (files_in(path) if path.is_dir() else [path])]
@@ -119,7 +119,7 @@ class Provenance:
         return cls(hashed, parameters)
 
     def metadata(self) -> dict[str, Any]:
-        """Inputs and parameters as part of a file's metadata."""
+        """Return inputs and parameters as entries of a file's metadata."""
         return {
             "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
             "parameters": dict(self.parameters),
@@ -141,13 +141,13 @@ def write_table(
     path : Path
         File to write.
     table : Table
-        Its declaration.
+        Declaration of the table.
     columns : mapping
         Name -> values, all of one length: arrays, lists or Arrow arrays; NaN becomes null.
     provenance : Provenance
-        What it was made from.
+        Inputs and parameters.
     row_group_rows : int
-        Most rows in a row group.
+        Largest number of rows in a row group.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def write_table_in_parts(
 
 
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
-    """Write the table without rows, and the reason in its metadata (see `open_table`)."""
+    """Write the table without rows, with the reason in its metadata (see `open_table`)."""
     schema = table.arrow_schema({**provenance.metadata(), "failure": message})
     with table_writer(path, table, schema):
         pass
@@ -207,7 +207,7 @@ def write_failure(path: Path, table: Table, message: str, provenance: Provenance
 
 @dataclass(frozen=True)
 class TableFile:
-    """Table that is open for reading, see `open_table`; damage raises TableError.
+    """A table open for reading, see `open_table`; damage raises TableError.
 
     It is read by row groups rather than with a scanner of pyarrow.dataset: for an hour of bone poses, with
     all read-ahead off, the scanner takes twice the time and six times the memory, and it trusts a footer that
@@ -231,7 +231,7 @@ class TableFile:
 
     @cached_property
     def _sealed(self) -> bool:
-        """Whether the file carries a digest: looked up once, as a table has thousands of ends."""
+        """Whether the file has a digest; cached, as `ends` is called thousands of times."""
         with naming_damage(self.path):
             return is_sealed(self.path)
 
@@ -253,7 +253,7 @@ class TableFile:
         Raises
         ------
         TableError
-            Where the file is damaged.
+            If the file is damaged.
 
         """
         names = None if columns is None else list(columns)
@@ -267,7 +267,7 @@ class TableFile:
         return rows
 
     def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
-        """Smallest and largest value of a column in a row group, see `column_ends`.
+        """Return the smallest and largest value of a column in a row group, see `column_ends`.
 
         Parameters
         ----------
@@ -281,7 +281,7 @@ class TableFile:
         Returns
         -------
         tuple or None
-            The two values; None where the footer does not tell.
+            The two values; None if the footer does not contain them.
 
         """
         key = group, name, with_nulls
@@ -298,7 +298,7 @@ class TableFile:
         between: Mapping[str, tuple[int, int]] | None = None,
         by: str = "",
     ) -> Iterator[tuple[str, pa.Table]]:
-        """Read the rows with the given keys, one row group at a time to bound memory.
+        """Read the rows with the given keys, one row group at a time to limit memory.
 
         Parameters
         ----------
@@ -309,13 +309,12 @@ class TableFile:
         between : mapping, optional
             Column -> (low, high): row groups without a value in this range are skipped.
         by : str, optional
-            Column that is returned as a single value where a row group has only one, and as a column
-            otherwise.
+            Column that is returned as a single value if a row group has only one, and as a column otherwise.
 
         Yields
         ------
         tuple
-            Value of `by` (empty where it is a column) and the rows.
+            Value of `by` ("" if it is returned as a column), and the rows.
 
         """
         limits = {name: (value, value) for name, value in keys.items()} | dict(between or {})
@@ -324,7 +323,7 @@ class TableFile:
             found = [(group, self.ends(group, name)) for group in groups]
             groups = [group for group, ends in found if ends is None or (ends[0] <= high and ends[1] >= low)]
         for group in groups:
-            # key columns with several values; text is expensive to read, so only where needed
+            # key columns with several values; text is slow to read, so only these are read
             mixed = [name for name in keys if self.ends(group, name) != limits[name]]
             ends = self.ends(group, by) if by else None
             value = ends[0] if ends is not None and ends[0] == ends[1] else ""
@@ -338,13 +337,13 @@ class TableFile:
 
 @contextmanager
 def open_table(path: Path, table: Table) -> Iterator[TableFile]:
-    """Open a table of the contract for reading.
+    """Open a table of this program for reading.
 
     Raises
     ------
     InputError
-        Where the file is absent, not a Parquet file, does not match its digest, is another table or version,
-        lacks a column or has one of another type, or records that its own making failed.
+        If the file does not exist, is not a Parquet file, does not match its digest, is another table or
+        version, lacks a column or has one of another type, or if the stage that made it recorded a failure.
 
     """
     with open_parquet(path, f"a {table.name} table") as file:
@@ -353,7 +352,7 @@ def open_table(path: Path, table: Table) -> Iterator[TableFile]:
 
 
 def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read a table of the contract, or some of its columns. Raises InputError as `open_table`."""
+    """Read a table, or some of its columns. Raises InputError as `open_table`."""
     with open_table(path, table) as file:
         return file.read(columns)
 
@@ -366,37 +365,38 @@ def read_row_groups(path: Path, table: Table, columns: Sequence[str]) -> Iterato
 
 
 def read_metadata(path: Path, expected: str = f"a table of {PROGRAM}") -> dict[str, Any]:
-    """JSON metadata that this program wrote into the file, with all entries present and of the right type.
+    """Return the JSON metadata of a file of this program; all entries are present and of the right type.
 
-    expected : what the file should be, for the error message. Raises InputError where there are none.
+    expected : what the file should be, for the error message. Raises InputError if there are no such
+    metadata.
     """
     with open_parquet(path, expected) as file:
         return _metadata(path, file.schema_arrow)
 
 
 def rows_of(table: pa.Table) -> Iterator[Any]:
-    """Rows of a small table as dictionaries, null as None; who reads them names their type, of rows.pyi."""
+    """Yield the rows of a small table as dictionaries, null as None; callers annotate their type."""
     for batch in table.to_batches():
         yield from batch.to_pylist()
 
 
 def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
-    """Numerical column as a NumPy array, null as NaN."""
+    """Return a numerical column as a NumPy array, null as NaN."""
     return np.asarray(table.column(name).to_numpy())
 
 
 def key_of(row: Mapping[str, Any], columns: Sequence[str]) -> tuple[Any, ...]:
-    """Return the values of a row in those columns, which tell it from others."""
+    """Return the values of a row in the given columns, as a key."""
     return tuple(row[name] for name in columns)
 
 
 def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> Any:
-    """Columns for the components of a vector (3,), named by axis, as floats; part of any type of row."""
+    """Return the components of a vector (3,) as columns of a row, named by axis."""
     return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
 
 
 def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDArray[np.float64]:
-    """Vector (3,) from the columns of a row named by axis, null as NaN."""
+    """Return the vector (3,) in the columns of a row that are named by axis, null as NaN."""
     return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
 
 
@@ -410,7 +410,7 @@ def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[s
 
 
 def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
-    """Values as an Arrow array of the column's type, NaN as null."""
+    """Convert values to an Arrow array of the column's type, NaN as null."""
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
     if isinstance(values, pa.Array):
@@ -428,7 +428,7 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
 
 
 def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
-    """Columns as an Arrow table of the schema; ValueError where they are not the declared ones."""
+    """Convert columns to an Arrow table of the schema. Raises ValueError if they are not those declared."""
     if set(columns) != {c.name for c in table.columns}:
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
@@ -438,7 +438,7 @@ def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> 
 
 @contextmanager
 def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
-    """Open a Parquet file of the table for writing; it takes its name when it is closed."""
+    """Open a Parquet file of the table for writing; it is put in place when it is closed."""
     encodings = {}
     for column in table.columns:
         if pa.types.is_floating(column.type):
@@ -460,7 +460,7 @@ def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.Par
 
 
 def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
-    """Metadata of a table of this program, checked."""
+    """Return the checked metadata of a table of this program."""
     key = METADATA_KEY.decode()
     raw = (schema.metadata or {}).get(METADATA_KEY)
     if raw is None:
@@ -483,7 +483,7 @@ def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
 
 
 def _check_schema(path: Path, table: Table, schema: pa.Schema) -> None:
-    """Raise InputError where the file is another table or version, lacks columns, or records a failure."""
+    """Raise InputError if the file is another table or version, lacks columns, or records a failure."""
     metadata = _metadata(path, schema)
     if metadata["schema"] != table.name:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {table.name}")

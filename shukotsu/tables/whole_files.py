@@ -1,4 +1,4 @@
-"""Files: written completely or not at all, and identified by their bytes."""
+"""Write files atomically, and identify files by their bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shukotsu.tables.limits import FILE_NAME_BYTES
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which replaces `path` at the end.
+    """Yield a temporary path in the same folder, which replaces `path` at the end of the `with` block.
 
     If writing fails, `path` is unchanged and the temporary file is removed; temporary files of killed
     processes are removed first. After a power failure the name holds either the old or the new file,
@@ -27,15 +27,15 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     StorageError
-        Where the file cannot be written.
+        If the file cannot be written.
     InputError
-        Where no file can have the name.
+        If no file can have this name.
 
     """
     if not path.name:
         raise InputError(f"{path}: is a folder; expected the name of a file to write")
     stem = path.name
-    if len(os.fsencode(stem)) > FILE_NAME_BYTES - 20:  # with what stands around it, too long for a file
+    if len(os.fsencode(stem)) > FILE_NAME_BYTES - 20:  # too long for a temporary file's prefix and suffix
         stem = hashlib.sha256(os.fsencode(stem)).hexdigest()
     temporary = path.with_name(f".{stem}.{os.getpid()}.tmp")
     try:
@@ -43,25 +43,25 @@ def replacing(path: Path) -> Iterator[Path]:
             raise StorageError(f"{path}: cannot be written (is a folder or a device); name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
         left = re.compile(re.escape(f".{stem}.") + r"\d+\.tmp")
-        with suppress(OSError):  # a folder that cannot be written to: opening the file will say so
-            for beside in path.parent.iterdir():
-                if left.fullmatch(beside.name):
-                    beside.unlink(missing_ok=True)
+        with suppress(OSError):  # if the folder is not writable, opening the file reports it
+            for other in path.parent.iterdir():
+                if left.fullmatch(other.name):
+                    other.unlink(missing_ok=True)
         yield temporary
         _sync(temporary, os.O_RDWR)  # Windows syncs only files opened for writing
         temporary.replace(path)
         sync_folder(path.parent)
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno else error  # rather than Arrow's message
-        kind = InputError if error.errno == errno.ENAMETOOLONG else StorageError  # no disk accepts the name
+        why = os.strerror(error.errno) if error.errno else error  # clearer than Arrow's message
+        kind = InputError if error.errno == errno.ENAMETOOLONG else StorageError  # a bad name, not a bad disk
         raise kind(f"{path}: cannot be written ({why})") from error
     finally:
-        with suppress(OSError):  # where a component of the path is a file, that was reported above
+        with suppress(OSError):  # if a component of the path is a file, that was reported above
             temporary.unlink(missing_ok=True)
 
 
 def sync_folder(path: Path) -> None:
-    """Sync the entries of a folder to disk, where the system supports it."""
+    """Sync the entries of a folder to disk, if the system supports it."""
     with suppress(OSError):  # without it, files are still complete under the old or the new name
         _sync(path, os.O_RDONLY)
 
@@ -76,36 +76,36 @@ def _sync(path: Path, mode: int) -> None:
 
 
 def remedy_of(path: Path) -> str:
-    """Say what to do about a damaged table or plan: one beside the plan of a study's run is made again, any
-    other may be somebody's recording.
+    """Return what to do about a damaged table or plan.
+
+    In a study's results it can be removed and made again; elsewhere it may be an irreplaceable recording.
     """
-    beside = [folder / "plan.json" for folder in path.absolute().parents[:4]]
-    is_made = any(map(Path.is_file, (*beside, *path.absolute().parent.glob("sub-*/plan.json"))))
+    plans = [folder / "plan.json" for folder in path.absolute().parents[:4]]
+    is_made = any(map(Path.is_file, (*plans, *path.absolute().parent.glob("sub-*/plan.json"))))
     return "remove it and run the study again" if is_made else "name one that this program made"
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Files of a folder by name, without hidden ones, which editors and unfinished writers leave."""
+    """Return the files in a folder, sorted by name, without hidden ones such as temporary files."""
     return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file with line feeds, completely or not at all."""
+    """Write a UTF-8 text file with line feeds atomically."""
     with replacing(path) as temporary:
         temporary.write_text(text, "utf-8", newline="\n")
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, read in pieces and cached by the file's state."""
+    """Return the SHA-256 of a file's bytes, read in pieces and cached by the file's state."""
     return _sha256(path, *file_state(path))
 
 
 def file_state(path: Path) -> tuple[int, int, int, int, int]:
-    """Numbers that change whenever a file changes: device, inode, size, and the times of content and of the
-    entry.
+    """Return numbers that change whenever a file changes: device, inode, size, mtime and ctime in ns.
 
-    The time of the entry, in ns and last, is set by the system alone; it reveals a change after which the
-    others were restored.
+    The ctime can only be set by the system, so it reveals a change after which the other numbers were
+    restored.
     """
     status = path.stat()
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns

@@ -1,8 +1,8 @@
-"""Streams of an XDF file (XDF 1.0), read by pyxdf.
+"""Read the streams of an XDF file (XDF 1.0) with pyxdf.
 
-In a damaged file pyxdf logs the damage and continues, and it completes a truncated sample with numbers that
-were never recorded. The file object passed to it therefore raises at the end of the file, and any error that
-pyxdf logs makes the file refused.
+With a damaged file pyxdf logs the damage and continues, and it completes a truncated sample with numbers that
+were never recorded. The file object passed to it therefore raises an error at the end of the file, and a file
+for which pyxdf logs an error is refused.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from shukotsu.tables.text_files import reading
 
 NUMBERS = ("double64", "float32", "int64", "int32", "int16", "int8")
 TEXT = "string"
-"""Channel formats of numbers, and of text."""
+"""Channel formats of numbers and of text."""
 
 POSITION = ("positionx", "positiony", "positionz")
 QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
@@ -37,7 +37,7 @@ EULER = ("orientationp", "orientationh", "orientationr")
 
 @dataclass(frozen=True)
 class Stream:
-    """Header of a stream; rate_hz : nominal, 0 where it is irregular."""
+    """Header of a stream; rate_hz : nominal rate, 0 if irregular."""
 
     number: int
     name: str
@@ -49,7 +49,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class StreamChannel:
-    """Description of one channel in a stream's header; fields are empty where the header lacks them."""
+    """Description of a channel in a stream's header; fields that the header lacks are ""."""
 
     index: int
     label: str
@@ -85,21 +85,19 @@ class StreamSamples:
 
 
 def owners(channels: tuple[StreamChannel, ...]) -> list[str]:
-    """Markers and objects with a position or an orientation, in the order of the channels."""
+    """Return the markers and objects with a position or an orientation, in the order of the channels."""
     posed = (*POSITION, *QUATERNION, *EULER)
     return list(dict.fromkeys(c.owner for c in channels if c.type in posed and c.owner))
 
 
 def pose_channels(where: str, channels: tuple[StreamChannel, ...], owner: str) -> list[StreamChannel]:
-    """Channels of x, y, z and A, B, C, D of a marker or object. Raises InputError where they are not
-    complete.
-    """
+    """Return the channels x, y, z and A, B, C, D of a marker or object. Raises InputError if incomplete."""
     where = f"{where}, {owner}"
     by_owner = [channel for channel in channels if channel.owner == owner]
     types = [channel.type for channel in by_owner]
     if set(types) & set(EULER) and not set(types) & set(QUATERNION):
         raise InputError(
-            f"{where}: has angles (OrientationP, H, R), whose order XDF does not say; record quaternions"
+            f"{where}: has angles (OrientationP, H, R), whose order XDF does not define; record quaternions"
         )
     for kind in (*POSITION, *QUATERNION):
         if types.count(kind) != 1:
@@ -111,9 +109,7 @@ def pose_channels(where: str, channels: tuple[StreamChannel, ...], owner: str) -
 
 
 def read_streams(path: Path) -> list[Stream]:
-    """Headers of all streams of a file, in order. Raises InputError where it is not an XDF file or is
-    damaged.
-    """
+    """Read the headers of all streams, in order. Raises InputError if the file is not XDF or is damaged."""
     import pyxdf
 
     with _open_file(path) as (file, _):
@@ -134,7 +130,7 @@ def read_streams(path: Path) -> list[Stream]:
 
 
 def load_stream(path: Path, stream: Stream) -> StreamSamples:
-    """Samples of a stream. Raises InputError where it has none, or is damaged."""
+    """Read the samples of a stream. Raises InputError if it has none, or is damaged."""
     import pyxdf
 
     where = f"{path}: stream {stream.name}"
@@ -144,7 +140,7 @@ def load_stream(path: Path, stream: Stream) -> StreamSamples:
         raise InputError(f"{where}: is damaged ({damages[0]}); copy the file again")
     time_s, values, notes = np.asarray(loaded["time_stamps"], float), loaded["time_series"], []
     if "footer" not in loaded:
-        notes.append("the file is cut off before the stream's end; what comes before it is read")
+        notes.append("the file is cut off before the stream's end; it is read up to there")
         if stream.format == TEXT:  # the last text may be truncated
             time_s, values = time_s[:-1], values[:-1]
     if not len(time_s):
@@ -154,7 +150,7 @@ def load_stream(path: Path, stream: Stream) -> StreamSamples:
 
 
 class _Complete(io.BufferedReader):
-    """File that raises EOFError where it ends within a requested range."""
+    """A file that raises EOFError if it ends within a requested range."""
 
     def readinto(self, buffer: Any) -> int:
         count = super().readinto(buffer)
@@ -190,13 +186,13 @@ def _open_file(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
             )
         raw.seek(0)
         if file.peek(4)[:4] != b"XDF:":
-            raise InputError(f"{path}: is no XDF file; it does not begin with XDF:")
+            raise InputError(f"{path}: is not an XDF file; it does not begin with XDF:")
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             yield file, damages
     except (InputError, MemoryError):
         raise
-    except Exception as error:  # pyxdf lets any exception through
+    except Exception as error:  # pyxdf has no exception type of its own for damaged files
         raise InputError(f"{path}: is damaged: pyxdf cannot read it ({error}); copy it again") from error
     finally:
         logger.removeFilter(note)
@@ -204,7 +200,7 @@ def _open_file(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
 
 
 def _channels(info: Any) -> tuple[StreamChannel, ...]:
-    """Channels of a stream's header, in which pyxdf represents every element as a list."""
+    """Return the channels of a stream's header, in which pyxdf represents every element as a list."""
     described = info.get("desc", [None])[0] or {}
     listed = (described.get("channels", [None])[0] or {}).get("channel", [])
     return tuple(
@@ -220,6 +216,6 @@ def _channels(info: Any) -> tuple[StreamChannel, ...]:
 
 
 def _text(element: Any, tag: str) -> str:
-    """Text of a header element; empty where it is absent."""
+    """Return the text of a header element, or "" if it is absent."""
     text = element.get(tag, [""])[0] if isinstance(element, dict) else ""
     return text.strip() if isinstance(text, str) else ""

@@ -1,1 +1,1 @@
-"""Devices: what trackers send and understand, recording them, and the emulator that stands in for one."""
+"""Trackers: their protocols, the recorder, the raw archive and its decoders, and an emulated tracker."""

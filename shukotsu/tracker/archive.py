@@ -1,9 +1,9 @@
 """The raw archive: every byte received from a tracker and every command sent to it.
 
-An archive is an Arrow IPC stream (`.arrows`), so that any Arrow reader opens it. A row is one piece of this
-traffic: see COLUMNS and KINDS. Batches are appended whole and synced to disk about once a second; a recorder
-that is killed loses only what came since. The reader recovers every complete batch, also those after a
-damaged one.
+An archive is an Arrow IPC stream (`.arrows`), which any Arrow reader can open. A row is one piece of this
+traffic: see COLUMNS and KINDS. Complete batches are appended and synced to disk about once a second; a
+recorder that is killed loses only the data since the last sync. The reader recovers every complete batch,
+also those after a damaged one.
 """
 
 from __future__ import annotations
@@ -57,24 +57,24 @@ COLUMNS = (
 
 SYNC_SECONDS = 1.0
 _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
-"""Windows would write a line feed as two bytes."""
+"""Flag without which Windows would write a line feed as two bytes."""
 _CONTINUATION, _END_OF_STREAM = b"\xff\xff\xff\xff", b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _MOST_HEAD_BYTES = 1 << 20
-"""Longest description that an archive carries."""
+"""Largest size of an archive's schema message, which contains its description."""
 _WINDOW_BYTES = 8 << 20
 _STRETCH_BYTES = 64 << 20
-"""At least twice the longest batch; also the amount of a growing file that is read at once."""
+"""Part of a growing file that is read at once; must be at least twice the longest batch."""
 
 
 class ArchiveWriter:
-    """Appends to an archive. Every `flush` leaves a file that can be read as it is.
+    """Writer of a new archive. After every `flush` the file is a readable archive.
 
-    about : JSON types that say what the recording is (port, program's options, note); kept in the schema.
-    utc_offset_ns() : UTC minus monotonic time; another one makes an archive that is the same every time.
-    waiting_bytes : what the next `flush` will append, without what stands beside it.
+    about : description of the recording (port, the program's options, note) as JSON types; stored in the
+    schema. utc_offset_ns : returns UTC minus monotonic time; a constant makes archives reproducible.
+    waiting_bytes : bytes of data that the next `flush` will append.
 
-    Raises InputError where the file exists already or cannot be written; when the disk is full, `flush`
-    raises OSError and the file ends with the last whole batch.
+    Raises InputError if the file exists already or cannot be written. If the disk is full, `flush` raises
+    OSError and the file ends with the last complete batch.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class ArchiveWriter:
         self._add(EVENT, _json_bytes({**details, "event": name}), host_ns)
 
     def flush(self) -> None:
-        """Append what was added since as one batch; sync to disk where that was last done a second ago."""
+        """Append the rows added since the last call as one batch; sync to disk about once a second."""
         if self._rows:
             host_ns, offsets, kinds, data = zip(*self._rows, strict=True)
             crcs = [zlib.crc32(piece) for piece in data]
@@ -142,7 +142,7 @@ class ArchiveWriter:
             self._sync()
 
     def close(self, summary: Mapping[str, Any], host_ns: int) -> None:
-        """Write how the recording ended and close the file."""
+        """Append a row with the summary of the recording, and close the file."""
         self._add(END, _json_bytes(summary), host_ns)
         try:
             self.flush()
@@ -152,7 +152,7 @@ class ArchiveWriter:
             os.close(self._file)
 
     def discard(self) -> None:
-        """Remove the file: nothing was recorded, and the next attempt may reuse the name."""
+        """Remove the file, because nothing was recorded; the next attempt may reuse the name."""
         os.close(self._file)
         self.path.unlink(missing_ok=True)
 
@@ -161,7 +161,7 @@ class ArchiveWriter:
         self.waiting_bytes += len(data)
 
     def _append(self, data: bytes) -> None:
-        """Write the whole batch or nothing: a partial batch would hide the following ones."""
+        """Write the data completely or not at all: a partial batch would hide the following ones."""
         written = 0
         try:
             while written < len(data):
@@ -184,7 +184,7 @@ def _fields(columns: Sequence[tuple[str, pa.DataType, str, str]]) -> list[pa.Fie
 
 
 def _row_crcs(*columns: Sequence[int] | npt.NDArray[Any]) -> list[int]:
-    """Return the CRC-32 of the numbers in each row of some columns."""
+    """Return the CRC-32 of each row of the columns, as eight-byte little-endian integers."""
     rows = np.stack([np.asarray(column, "<i8") for column in columns], -1).tobytes()
     size = 8 * len(columns)
     return [zlib.crc32(rows[at : at + size]) for at in range(0, len(rows), size)]
@@ -196,11 +196,11 @@ def _json_bytes(value: Any) -> bytes:
 
 @dataclass(frozen=True)
 class Piece:
-    """Rows of an archive: host_ns, utc_offset_ns, kind, all (N,), and the bytes of each.
+    """Rows of an archive: host_ns, utc_offset_ns and kind, all (N,), and the data of each row.
 
-    Rows that fail their checksum are left out; `spoilt_bytes` counts the bytes they held, `unreadable_bytes`
-    the bytes before this piece that belong to no batch, `missing_rows` the rows missing before and among
-    these.
+    Rows with a wrong checksum are left out. spoilt_bytes : size of their data. unreadable_bytes : number of
+    bytes before this piece that belong to no batch. missing_rows : number of rows missing before and within
+    this piece.
     """
 
     host_ns: npt.NDArray[np.int64]
@@ -223,20 +223,21 @@ class Archive:
     _schema: pa.Schema
 
     def pieces(self) -> Iterator[Piece]:
-        """Yield the batches in turn; a last empty piece may report trailing bytes that belong to no batch."""
+        """Yield the batches in order; a last, empty piece may report trailing bytes outside any batch."""
         forgotten = 0
         for piece, at, _ in _pieces(pa.py_buffer(self._mapped), self._first, self._schema, 0, final=True):
             yield piece
             end = at // mmap.PAGESIZE * mmap.PAGESIZE
             if end - forgotten > _WINDOW_BYTES and hasattr(mmap, "MADV_DONTNEED"):
-                self._mapped.madvise(mmap.MADV_DONTNEED, forgotten, end - forgotten)  # pages that were read
+                self._mapped.madvise(mmap.MADV_DONTNEED, forgotten, end - forgotten)  # frees pages read
                 forgotten = end
 
 
 class FollowedArchive:
-    """An archive that another process still writes, perhaps on another computer: read as it grows.
+    """An archive that another process, perhaps on another computer, is still writing; read as it grows.
 
-    about : what the recording says of itself; None before that can be read. ended : whether its end was read.
+    about : description of the recording; None until it has been read. ended : whether the archive's end was
+    read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -248,12 +249,27 @@ class FollowedArchive:
         self._at = self._next_row = 0
 
     def read(self, *, final: bool = False) -> list[Piece]:
-        """Return the whole batches that came since the last call; of a long file not all at once.
+        """Return the complete batches since the last call, at most a limited amount of data.
 
-        What stands behind the last sound batch may not be there yet and is left for the next call, unless it
-        is too long for that. final : nobody writes any more, so that a file that is not there or does not
-        begin as an archive is refused, and bytes that are left are counted. Raises InputError where the file
-        was replaced, became shorter than what was read of it, or is none.
+        Bytes after the last valid batch may be incomplete and are left for the next call, unless they are
+        longer than any batch.
+
+        Parameters
+        ----------
+        final : bool
+            Whether the writer has finished. Then a missing file, or one that does not begin as an archive, is
+            an error, and trailing bytes are counted as unreadable.
+
+        Returns
+        -------
+        list of Piece
+            The batches, in order.
+
+        Raises
+        ------
+        InputError
+            If the file was replaced, became shorter than the part already read, or is not an archive.
+
         """
         try:
             with self.path.open("rb") as file:
@@ -273,12 +289,12 @@ class FollowedArchive:
         except FileNotFoundError as error:
             if self._schema is None and not final:
                 return []
-            raise InputError(f"{self.path}: is not there any more; expected a recording's archive") from error
+            raise InputError(f"{self.path}: no longer exists; expected a recording's archive") from error
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read ({error.strerror}); try again") from error
         final &= self._at + len(stretch) >= size
         pieces = self._sound(stretch, final=final)
-        if not pieces and len(stretch) == _STRETCH_BYTES:  # a sound batch may begin in its second half
+        if not pieces and len(stretch) == _STRETCH_BYTES:  # a valid batch may begin in the second half
             pieces = self._sound(stretch[: _STRETCH_BYTES // 2], final=True)
         return pieces
 
@@ -286,7 +302,8 @@ class FollowedArchive:
         if self._schema is None or not stretch:
             return []
         batches = list(_pieces(pa.py_buffer(stretch), 0, self._schema, self._next_row, final=final))
-        while batches and not final and batches[-1][0].spoilt_bytes:  # in shared folders zeros come first
+        # on network drives, zeros may appear before the data are transferred
+        while batches and not final and batches[-1][0].spoilt_bytes:
             batches.pop()
         _, read, self._next_row = batches[-1] if batches else (None, 0, self._next_row)
         self._at += read
@@ -298,9 +315,9 @@ class FollowedArchive:
 def _pieces(
     buffer: pa.Buffer, at: int, schema: pa.Schema, next_row: int, *, final: bool
 ) -> Iterator[tuple[Piece, int, int]]:
-    """Yield the batches in turn, where each ends, and the number of the row behind it.
+    """Yield each batch, the position of its end in the buffer, and the number of the next row.
 
-    final : nothing follows, so that a last piece without a row may tell of bytes at the end that were none.
+    final : whether nothing follows; then an empty last piece reports trailing bytes that belong to no batch.
     """
     lost, view = 0, memoryview(buffer).cast("B")
     while at + 8 <= len(view):
@@ -308,7 +325,7 @@ def _pieces(
             at += 8
             continue
         batch, size = _batch_at(buffer, at, schema)
-        if batch is None:  # the next may start on a multiple of 8 from the file's start
+        if batch is None:  # batches start at multiples of 8 bytes
             first = at + 1 + -(at + 1) % 8
             words = np.frombuffer(view[first : len(view) - (len(view) - first) % 8], "<u4")[::2]
             starts = np.flatnonzero(words == 0xFFFFFFFF)
@@ -326,7 +343,7 @@ def _pieces(
 
 
 def open_archive(path: Path) -> Archive:
-    """Open an archive. Raises InputError where the file is absent or does not begin like an archive."""
+    """Open an archive. Raises InputError if the file does not exist or does not begin as an archive."""
     with reading(path, "a raw capture"):
         if not check_regular(path, "a raw capture"):
             raise InputError(f"{path}: is empty; expected a raw capture")
@@ -337,7 +354,7 @@ def open_archive(path: Path) -> Archive:
 
 
 def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
-    """Return what an archive says of itself. Raises InputError where its schema is that of no archive."""
+    """Return the description of an archive. Raises InputError if its schema is not that of an archive."""
     not_one = InputError(f"{path}: does not begin as a raw capture does; expected what `record` writes")
     if schema is None:
         raise not_one
@@ -354,8 +371,8 @@ def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
         )
     if not schema.equals(pa.schema(_fields(COLUMNS)), check_metadata=False):
         raise not_one
-    if not sound:  # a description for people, not the recording
-        return {"damaged": "what this recording says of itself does not have its checksum; left out"}
+    if not sound:  # the description is only for people; the recording itself may be intact
+        return {"damaged": "the description of this recording has a wrong checksum; left out"}
     return about
 
 
@@ -370,7 +387,7 @@ def _schema_at_start(buffer: pa.Buffer) -> tuple[pa.Schema | None, int]:
 
 
 def _message_bytes(view: memoryview, at: int) -> int | None:
-    """Return the length of a message's prefix and metadata; None where none starts there."""
+    """Return the length of a message's prefix and metadata; None if no message starts at `at`."""
     if at + 8 > len(view) or view[at : at + 4] != _CONTINUATION:
         return None
     size = int.from_bytes(view[at + 4 : at + 8], "little", signed=True)
@@ -378,7 +395,7 @@ def _message_bytes(view: memoryview, at: int) -> int | None:
 
 
 def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordBatch | None, int]:
-    """Read the batch that starts there, and its length; None where none does that is whole and sound."""
+    """Return the batch that starts at `at`, and its length; None and 0 if no complete valid batch does."""
     head = _message_bytes(memoryview(buffer).cast("B"), at)
     if head is None:
         return None, 0
@@ -396,7 +413,7 @@ def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordB
 
 
 def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]:
-    """Return a batch's sound rows, and the number of the row behind; next_row : what the first should be."""
+    """Return a batch's valid rows and the number of the next row; next_row : expected number of the first."""
     host_ns, offset_ns, kind, data, crc32, row, row_crc32 = batch.columns
     pieces = data.to_pylist()
     sound = np.fromiter(map(zlib.crc32, pieces), np.int64, len(pieces)) == crc32.to_numpy()
@@ -412,11 +429,11 @@ def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]
 
 
 def _is_compressed(metadata: bytes) -> bool:
-    """Whether the buffers of a record batch's message are compressed; struct.error where it is damaged.
+    """Return whether a record batch's message is compressed. Raises struct.error if it is damaged.
 
-    Arrow's own reader would unpack them, however large they get. In the message's flatbuffer the batch is
-    the third field, its compression the batch's fourth; a table starts with how far before it its list of
-    fields' places is.
+    Compressed buffers are refused because Arrow would unpack them to any size. In the message's flatbuffer
+    the batch is the third field, and its compression is the batch's fourth. A flatbuffer table starts with
+    the distance back to its vtable, which lists the offsets of its fields.
     """
 
     def field_at(table: int, number: int) -> int:

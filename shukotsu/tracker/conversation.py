@@ -1,8 +1,7 @@
-"""Settings requested of a recording, and the dialogue with its tracker: every byte is kept, answers are
-extracted.
+"""Requested settings of a recording, and the dialogue with its tracker, of which all bytes are kept.
 
-One thread only reads and time-stamps, so that no other work can delay it. An answer is recognised by its
-content and never by its position, since records of a stream that was left running may come in between.
+A separate thread only reads and time-stamps, so that no other work delays it. An answer is recognised by its
+content and not by its position, since records of a stream that is still running may come in between.
 """
 
 from __future__ import annotations
@@ -27,19 +26,19 @@ Answer = TypeVar("Answer")
 
 LARGEST_STATION = 16
 TRACK = (0.0, 0.0, 0.0)
-"""Hemisphere of a tracker that follows the receiver."""
+"""Hemisphere vector that requests hemisphere tracking: the tracker follows the receiver."""
 STOP_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 IGNORED_SIGNALS = ("SIGTSTP", "SIGTTOU")
-"""Suspending by Ctrl-Z would let the tracker's bytes overflow a buffer."""
+"""Signals that suspend the program, for example Ctrl-Z; the tracker's bytes would overflow a buffer."""
 
 
 @dataclass(frozen=True)
 class RecordingRequest:
     """Settings requested for a recording.
 
-    short : only the frame count, position and quaternion of each record. asked_hz : None for the usual rate.
-    stations : None for all that are connected. hemisphere : vector of the half of space, TRACK to have the
-    tracker follow the receiver. Raises InputError for what the family cannot do.
+    short : whether to record only frame count, position and quaternion. asked_hz : frame rate, None for the
+    default. stations : None for all connected ones. hemisphere : vector into the half of space of the
+    receivers, or TRACK. Raises InputError for settings that the family does not support.
     """
 
     family: str
@@ -52,7 +51,7 @@ class RecordingRequest:
     def __post_init__(self) -> None:
         check_family(self.family, "--tracker")
         if self.asked_hz is not None and len(FAMILIES[self.family].rates_hz) < 2:
-            raise InputError(f"--rate: a {self.family} has a rate of its own; leave it out")
+            raise InputError(f"--rate: a {self.family} has a fixed rate; leave it out")
         if self.family == "viper" and self.stations is not None:
             raise InputError("--stations: a VIPER sends every sensor that is connected; leave it out")
         if self.family == "viper" and self.short:
@@ -60,17 +59,17 @@ class RecordingRequest:
 
     @property
     def items(self) -> tuple[int, ...]:
-        """Output list of LIBERTY and PATRIOT."""
+        """Output list for LIBERTY and PATRIOT."""
         return SHORT_LIST if self.short else FULL_LIST
 
     @property
     def rate_hz(self) -> int:
-        """Frames a second."""
+        """Frames per second."""
         return self.asked_hz or FAMILIES[self.family].rates_hz[0]
 
 
 def parse_stations(text: str) -> tuple[int, ...]:
-    """Read --stations: numbers and stretches, such as 1-8,12. Raises InputError."""
+    """Parse --stations: numbers and ranges such as 1-8,12. Raises InputError if it is invalid."""
     stations: set[int] = set()
     try:
         for part in text.split(","):
@@ -84,7 +83,7 @@ def parse_stations(text: str) -> tuple[int, ...]:
 
 
 def parse_hemisphere(text: str) -> tuple[float, float, float]:
-    """Read --hemisphere: three numbers with commas, or `track`. Raises InputError."""
+    """Parse --hemisphere: three numbers separated by commas, or `track`. Raises InputError if invalid."""
     if text == "track":
         return TRACK
     try:
@@ -92,18 +91,18 @@ def parse_hemisphere(text: str) -> tuple[float, float, float]:
     except ValueError as error:
         raise InputError(f"--hemisphere: is {text!r}; expected x,y,z such as 1,0,0, or track") from error
     if not 0 < math.hypot(x, y, z) < math.inf:
-        raise InputError(f"--hemisphere: {text} is no direction; `track` has the tracker follow the receiver")
+        raise InputError(f"--hemisphere: {text} has no direction; expected x,y,z such as 1,0,0, or track")
     return (x, y, z)
 
 
 class StopRequest:
-    """Request to stop. reason : what asked first; empty while nothing did."""
+    """A request to stop; true once requested. reason : reason of the first request, or ""."""
 
     def __init__(self) -> None:
         self.reason = ""
 
     def ask(self, reason: str) -> None:
-        """Request a stop; a second reason does not replace the first."""
+        """Request a stop; only the first reason is kept."""
         self.reason = self.reason or reason
 
     def __bool__(self) -> bool:
@@ -112,7 +111,7 @@ class StopRequest:
 
 @contextmanager
 def stop_on_signals(stop: StopRequest) -> Iterator[None]:
-    """Within the `with`, let signals request a stop instead of ending the program."""
+    """Let signals request a stop instead of ending the program, within the `with` block."""
 
     def ask(number: int, _frame: Any) -> None:
         stop.ask(signal.Signals(number).name)
@@ -130,32 +129,33 @@ def stop_on_signals(stop: StopRequest) -> Iterator[None]:
 SILENCE_S = 0.3
 """A tracker that is silent for this long is not streaming."""
 MOST_WAITING_BYTES = 16 << 20
-"""Bytes that arrive while this many wait to be stored are dropped and counted: half a minute of the fastest
-tracker."""
+"""Largest backlog of bytes to be stored, half a minute of the fastest tracker; further bytes are dropped and
+counted."""
 MOST_BEFORE_FRAMES_BYTES = 32 << 20
-"""More bytes than any tracker sends during set-up, even one that was left streaming."""
+"""More bytes than any tracker sends during set-up, even if it was left streaming."""
 ANSWER_BYTES = 1 << 16
-"""Longest answer."""
+"""Length of the longest answer."""
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Bytes that came together, and the host's monotonic time [ns] when they had come."""
+    """Bytes of one read, and the host's monotonic time of their arrival in ns."""
 
     data: bytes
     host_ns: int
 
 
 class StoppedError(Exception):
-    """The user stopped the recording during the dialogue with the tracker."""
+    """Raised if the user stops the recording during the dialogue with the tracker."""
 
 
 class Conversation:
-    """A port that is read from now on until `close`, whoever listens.
+    """Dialogue over a port, which a thread reads until `close`.
 
-    archive : keeps all that passes. stopped() : whether the user has asked for the end. gone : why the port
-    is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than they could be kept.
-    frames_began : whether any number of bytes may come.
+    archive : stores all bytes sent and received. stopped : returns whether the user has requested the end.
+    gone : reason and host time in ns of the port's loss; None while it is open. dropped_bytes : number of
+    bytes that arrived faster than they could be stored. frames_began : whether streaming has begun; before,
+    the amount of data is limited.
     """
 
     def __init__(
@@ -165,8 +165,8 @@ class Conversation:
         self.gone: tuple[str, int] | None = None
         self.dropped_bytes = 0
         self.frames_began = False
-        self._queued_bytes = 0  # of the reader's thread alone, as the other is of the listener's
-        self._taken_bytes = 0
+        self._queued_bytes = 0  # changed only by the reader's thread
+        self._taken_bytes = 0  # changed only by the caller's thread
         self._archive = archive
         self._stopped = stopped
         self._chunks: queue.SimpleQueue[Chunk] = queue.SimpleQueue()
@@ -175,7 +175,7 @@ class Conversation:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading; the port is free to be closed when this returns."""
+        """Stop reading; the port may be closed when this returns."""
         self._ended.set()
         self._thread.join(timeout=5)
 
@@ -193,7 +193,7 @@ class Conversation:
                 self._chunks.put(Chunk(data, time.perf_counter_ns()))
 
     def send(self, data: bytes) -> int:
-        """Send; return the host's monotonic time [ns] just before. Raises PortGoneError."""
+        """Send data; return the host's monotonic time in ns just before. Raises PortGoneError."""
         host_ns = time.perf_counter_ns()
         if self._archive is not None:
             self._archive.sent(data, host_ns)
@@ -201,7 +201,7 @@ class Conversation:
         return host_ns
 
     def keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Store and return all chunks received so far; wait at most this long for a first one."""
+        """Store and return all chunks received so far; wait_s : longest time to wait for the first one."""
         chunks = []
         with suppress(queue.Empty):
             chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
@@ -213,14 +213,14 @@ class Conversation:
         return chunks
 
     def receive(self, wait_s: float) -> bytes:
-        """Return the bytes that came. Raises as `listen`."""
+        """Return the bytes received. Raises the errors of `listen`."""
         return b"".join(chunk.data for chunk in self.listen(wait_s))
 
     def listen(self, wait_s: float) -> list[Chunk]:
-        """Return the chunks that came, with their times.
+        """Store and return the chunks received; wait_s : longest time to wait for the first one.
 
-        Raises PortGoneError where no more can come, StoppedError where none is wanted, InputError where more
-        has come than a tracker sends while it is set up.
+        Raises PortGoneError if the port is gone, StoppedError if the user requested a stop, InputError if
+        more bytes arrived than a tracker sends during set-up.
         """
         chunks = self.keep(wait_s)
         if not chunks and self.gone:
@@ -229,13 +229,13 @@ class Conversation:
             raise StoppedError
         if self._taken_bytes > MOST_BEFORE_FRAMES_BYTES and not self.frames_began:
             raise InputError(
-                f"{self.port.name}: what answers is no tracker: it sent {self._taken_bytes >> 20} MB before "
-                "it could be set up; check --port"
+                f"{self.port.name}: the device there is not a tracker: it sent {self._taken_bytes >> 20} MB "
+                "before it could be set up; check --port"
             )
         return chunks
 
     def drain(self, silence_s: float = SILENCE_S, cap_s: float = 5.0) -> tuple[bytes, bool]:
-        """Wait for `silence_s` without a byte; return what came, and whether it ended within `cap_s`."""
+        """Read until no byte arrives for `silence_s`; return the bytes, and whether `cap_s` sufficed."""
         came = b""
         start = heard = now = time.perf_counter()
         while now - start < cap_s:
@@ -249,7 +249,10 @@ class Conversation:
     def ask(
         self, question: bytes, answer_in: Callable[[bytes], Answer | None], wait_s: float
     ) -> Answer | None:
-        """Send a question; return what `answer_in` reads in the bytes since, None where that is nothing."""
+        """Send a question and return the answer, or None if there is none within `wait_s`.
+
+        answer_in : extracts the answer from the bytes received since, or returns None.
+        """
         self.send(question)
         came = b""
         end = time.perf_counter() + wait_s
@@ -266,20 +269,20 @@ LEAST_COSINE = 0.9999
 
 
 class TrackerDriver:
-    """Base of a family's driver. warnings : what the user should know of the tracker, once it is set up."""
+    """Base class of the drivers. warnings : sentences for the user on the tracker's state after set-up."""
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         self.warnings: list[str] = []
-        self._complaints: list[str] = []  # of the tracker, while it was set up
+        self._complaints: list[str] = []  # errors that the tracker reported during set-up
         self._conversation = conversation
         self._request = request
         self._port_name = conversation.port.name
 
     def _find(self, attempt: Callable[[], tuple[str | None, bytes]]) -> str:
-        """Identify the tracker at the rate of the port or, where there is a serial line, at another.
+        """Identify the tracker at the port's baud rate or, on a serial line, at any other.
 
-        attempt() : what identifies the tracker, and what was heard at all. Raises InputError where nothing
-        answers, or something that is not this tracker.
+        attempt : returns the tracker's identification, or None, and all bytes received. Raises InputError if
+        nothing answers, or a device that is not this tracker.
         """
         port = self._conversation.port
         first_baud, heard_at_first = port.baud, b""
@@ -289,7 +292,7 @@ class TrackerDriver:
             if baud != first_baud and baud is not None:
                 port.set_baud(baud)
             identity, heard = attempt()
-            if identity is None and heard:  # a busy host may read the answer too late
+            if identity is None and heard:  # on a busy host the answer may have come too late
                 identity, heard = attempt()
             if identity is not None:
                 if baud != first_baud:
@@ -302,7 +305,8 @@ class TrackerDriver:
         if heard_at_first:
             shown = heard_at_first[:24].decode("latin-1").encode("ascii", "backslashreplace").decode()
             raise InputError(
-                f"{port.name}: what answers is no {title} (it sent {shown!r}); check --tracker and --port"
+                f"{port.name}: the device there is not a {title} (it sent {shown!r}); check --tracker and "
+                "--port"
             )
         tried = f" at {', '.join(map(str, bauds))} baud" if tries_others else ""
         raise InputError(
@@ -312,7 +316,7 @@ class TrackerDriver:
         )
 
     def _silence(self, first: bytes, again: bytes) -> bytes:
-        """Send what stops a stream until it is silent, at most three times; return what was heard."""
+        """Send a stop command, at most three times, until the stream is silent; return the bytes received."""
         heard = b""
         for command, cap_s in ((first, 5.0), (again, 2.0), (again, 2.0)):
             self._conversation.send(command)
@@ -323,44 +327,44 @@ class TrackerDriver:
         return heard
 
     def _require(self, what: str, reported: Any, sent: Any) -> None:
-        """Raise InputError where a setting is not what was sent; reported : None where it does not say."""
+        """Raise InputError if a setting differs from the value sent; reported : None without an answer."""
         if not (isinstance(reported, tuple) and isinstance(sent, tuple)):
             same = reported == sent
-        else:  # numbers to 0.01
+        else:  # compare numbers to 0.01
             pairs = zip(reported, sent, strict=False)
             same = len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
         if same:
             return
-        says = "says nothing about it" if reported is None else f"says {format_setting(reported)}"
-        complained = f" (it complained: {', '.join(self._complaints)})" if self._complaints else ""
+        says = "reports nothing" if reported is None else f"reports {format_setting(reported)}"
+        complained = f" (its errors: {', '.join(self._complaints)})" if self._complaints else ""
         raise InputError(
-            f"{self._port_name}: the tracker did not take its {what}: sent was {format_setting(sent)}, and "
-            f"when asked it {says}{complained}; switch it off and on, and try again"
+            f"{self._port_name}: the tracker did not accept its {what}: sent {format_setting(sent)}, but it "
+            f"{says}{complained}; switch it off and on, and try again"
         )
 
 
 def format_setting(value: Any) -> str:
-    """Format a setting for people."""
+    """Format the value of a setting for display."""
     if isinstance(value, tuple):
         return ", ".join(f"{round(part, 4):g}" for part in value) or "nothing"
     return str(value)
 
 
 def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Whether two vectors point the same way, to 0.8 degrees; never where one is the zero vector."""
+    """Return whether two vectors have the same direction within 0.8 deg; False for a zero vector."""
     lengths = math.hypot(*a) * math.hypot(*b)
     return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
 
 
 def is_zero(values: Sequence[float]) -> bool:
-    """Whether an offset or a rotation is zero."""
+    """Return whether an offset or a rotation is zero."""
     return all(abs(value) < 1e-4 for value in values)
 
 
 def is_default_alignment(values: Sequence[float]) -> bool:
-    """Whether an alignment (origin, a point on x, one on y: 9 numbers) is the transmitter's own frame.
+    """Return whether an alignment (origin, point on x, point on y: 9 numbers) is the transmitter's frame.
 
-    The points may be at any distance: it differs between trackers and with the unit.
+    The points may be at any distance, because it differs between trackers and units.
     """
     along_x, along_y = same_direction(values[3:6], (1, 0, 0)), same_direction(values[6:9], (0, 1, 0))
     return math.hypot(*values[:3]) < 1e-3 and along_x and along_y

@@ -1,4 +1,4 @@
-"""Text shown to the user: counts during a recording, the summary at its end. No I/O."""
+"""Text for the user: counts during a recording, and the summary at its end. No input or output."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Heard, Losses, RecordBlo
 
 @dataclass
 class Receiver:
-    """State of one receiver so far, beyond what `Losses` counts.
+    """Current state of one receiver, in addition to the counts in `Losses`.
 
-    margin : p . h / |p|, the sine of how far it is within its half of space; NaN where the tracker follows
-    it or it has no position.
+    margin : p . h / |p|, sine of the angle by which it is inside its hemisphere; NaN if the tracker follows
+    it or if it has no position. errors, worst_distortion, least_margin : since the start; the other fields :
+    of the newest records.
     """
 
     errors: int = 0
@@ -35,10 +36,11 @@ class Receiver:
 
 
 class Statistics:
-    """Counts what comes; start_ns is the host's monotonic time at which the stream was started.
+    """Counts of a recording in progress.
 
-    heard_ns : when the newest bytes were counted. silences : receiver, from and to [s since the start] of
-    each time that it was absent; receiver 0 where nothing came for longer than jitter.
+    start_ns : the host's monotonic time at the start of the stream. heard_ns : host time of the newest bytes.
+    silences : (receiver, start, end) of each absence, in s since the start; receiver 0 means that no receiver
+    sent records for longer than jitter.
     """
 
     def __init__(self, settings: StreamSettings, start_ns: int) -> None:
@@ -62,17 +64,17 @@ class Statistics:
         self.silences += self._silences(self._losses.add(block)[0])
 
     def absent(self) -> set[int]:
-        """Receivers that are silent while others are heard."""
+        """Return the receivers that send nothing while others do."""
         heard_ns = {s: receiver.last_host_ns or self._start_ns for s, receiver in self.receivers.items()}
         latest_ns = max((receiver.last_host_ns for receiver in self.receivers.values()), default=0)
         return {station for station, last_ns in heard_ns.items() if latest_ns - last_ns > ABSENT_S * 1e9}
 
     def totals(self, now_ns: int) -> dict[str, Any]:
-        """Return the sums of the recording if nothing follows, as JSON types.
+        """Return the counts of the recording, as if it ended now, as JSON types.
 
-        lost_frames : lost records, in all and of each receiver; lost_cycles : lost frames (see `Losses`).
-        silent_s, absent_s : from and to [s since the start], None for the end, when nothing came of any and
-        of each receiver.
+        lost_frames : lost records, in total and by receiver; lost_cycles : lost frames (see `Losses`).
+        silent_s, absent_s : [start, end] of times without records, of any receiver and of each one, in s
+        since the start; end is None if the silence lasts until the end.
         """
         losses, gaps, _ = self._losses.closed()
         end_s, ends_s = self._seconds(now_ns), losses.silent_ends_s(self._start_ns, now_ns)
@@ -147,7 +149,7 @@ MUCH_MISSING_PERCENT = 20.0
 
 
 def needed_bytes_per_s(settings: StreamSettings) -> float:
-    """Bytes of the stream in a second."""
+    """Return the data rate of the stream, bytes/s."""
     count = len(settings.stations)
     cycle_bytes = VIPER_HEAD_BYTES + VIPER_RECORD_BYTES * count
     if settings.items:
@@ -156,17 +158,16 @@ def needed_bytes_per_s(settings: StreamSettings) -> float:
 
 
 def arithmetic(settings: StreamSettings, baud: int) -> str:
-    """Format the bytes that the stream needs beside those that the line carries."""
+    """Format the data rate that the stream needs and that the line carries."""
     count, need = len(settings.stations), needed_bytes_per_s(settings)
     return (
         f"{count_of(count, 'receiver')} x {need / settings.rate_hz / count:.4g} bytes x "
-        f"{settings.rate_hz:g} Hz = "
-        f"{need:.0f} bytes/s, and {baud} baud carries {baud / BITS_PER_BYTE:.0f}"
+        f"{settings.rate_hz:g} Hz = {need:.0f} bytes/s, and {baud} baud carries {baud / BITS_PER_BYTE:.0f}"
     )
 
 
 def check_line(settings: StreamSettings, baud: int | None, name: str) -> None:
-    """Raise InputError, with the arithmetic and what would fit, where the line cannot carry the stream."""
+    """Raise InputError, with the data rates and alternatives, if the line cannot carry the stream."""
     if baud is not None and needed_bytes_per_s(settings) > baud / BITS_PER_BYTE:
         raise InputError(
             f"{name}: the line is too slow: {arithmetic(settings, baud)}; {what_fits(settings, baud)}; or "
@@ -175,7 +176,7 @@ def check_line(settings: StreamSettings, baud: int | None, name: str) -> None:
 
 
 def what_fits(settings: StreamSettings, baud: int) -> str:
-    """Format how many receivers of LIBERTY and PATRIOT fit with this list and the short one, at each rate."""
+    """Format how many receivers of LIBERTY and PATRIOT fit at each rate, with this list and the short one."""
     lists = {"with this list": list_of_all(settings.items)} if settings.items else {}
     if lists and record_type(SHORT_LIST).itemsize < record_type(lists["with this list"]).itemsize:
         lists["with --items short"] = SHORT_LIST
@@ -191,20 +192,20 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
 
 
 NEAR_EDGE = 0.1
-"""A receiver whose direction is closer to the edge of its half of space may be taken for its mirror image."""
+"""Hemisphere margin below which a receiver may soon be taken for its mirror image."""
 AT_THE_EDGE = 0.05
-"""A receiver whose direction came so close to the edge of its half of space may have been beyond it."""
+"""Hemisphere margin below which a receiver may have been outside its hemisphere."""
 MOST_STRETCHES = 3
 
 
 def state_line(statistics: Statistics, now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
-    """Return the state of a recording in a line; now, before : its totals, and those of a while ago."""
+    """Return the state of a recording as one line; now, before : totals now and at the previous line."""
     span_s, absent = now["seconds"] - before["seconds"], statistics.absent()
     present = {station: r for station, r in sorted(statistics.receivers.items()) if station not in absent}
-    rates, missing, troubles, nothing = list[float](), [0.0], list[str](), {"records": 0, "lost_frames": 0}
+    rates, missing, troubles, no_counts = list[float](), [0.0], list[str](), {"records": 0, "lost_frames": 0}
     for station, receiver in present.items():
-        counts, earlier = now["receivers"][str(station)], before["receivers"].get(str(station), nothing)
-        came, lost = (counts[name] - earlier[name] for name in nothing)
+        counts, earlier = now["receivers"][str(station)], before["receivers"].get(str(station), no_counts)
+        came, lost = (counts[name] - earlier[name] for name in no_counts)
         rates.append(came / span_s)
         missing.append(100 * lost / max(came + lost, 1))
         trouble = f"error {chr(receiver.error)}" if receiver.error else ""
@@ -225,14 +226,14 @@ def state_line(statistics: Statistics, now: Mapping[str, Any], before: Mapping[s
 
 
 def summary(out: str, reason: str, totals: Mapping[str, Any], notices: Sequence[str] = ()) -> list[str]:
-    """Return the summary: what was recorded, by receiver, with notes."""
+    """Return the summary of a recording, line by line: records by receiver, and notes."""
     text = [f"{out}: ended after {totals['seconds']:.1f} s ({reason})", *totals_table(totals)]
     text += [f"no record at all: {_stretches(totals['silent_s'])}"] if totals["silent_s"] else []
     return text + [f"note: {notice}" for notice in notices]
 
 
 def totals_table(totals: Mapping[str, Any]) -> list[str]:
-    """Return a table of the records received, in total and by receiver."""
+    """Return a table of the records, in total and by receiver, line by line."""
     text = [
         f"{totals['records']} records in {totals['cycles']} cycles; "
         f"{count_of(totals['lost_cycles'], 'frame')} lost ({count_of(totals['lost_frames'], 'record')}), "
@@ -251,9 +252,10 @@ def totals_table(totals: Mapping[str, Any]) -> list[str]:
 
 
 def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
-    """Return advice on faults of a recording that can be remedied.
+    """Return advice on faults of a recording that the user can remedy.
 
-    Where records and bytes are missing the line is too slow; where only records are, bytes are being damaged.
+    If both records and bytes are missing, the line is too slow; if only records are missing, bytes were
+    damaged.
     """
     sentences = []
     missing_percent = 100 * totals["lost_frames"] / max(totals["records"] + totals["lost_frames"], 1)
@@ -262,7 +264,7 @@ def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
         count = len(settings.stations)
         who = f"{count_of(count, 'receiver')} need{'s' if count == 1 else ''}"
         sentences.append(
-            f"the line brought {came / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
+            f"the line carried {came / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
             f"it is too slow; see {FAMILIES[settings.family].remedies}"
         )
     margins = {s: counts["least_hemisphere_margin"] for s, counts in totals["receivers"].items()}
@@ -276,7 +278,7 @@ def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
 
 
 def _stretches(stretches: Sequence[tuple[float, float | None]]) -> str:
-    """Format the longest stretches of time, in turn."""
+    """Format the longest periods, in the order of time."""
     longest = sorted(stretches, key=lambda ends: ends[0] - (math.inf if ends[1] is None else ends[1]))
     shown = [
         f"{start:.1f} s to {'the end' if end is None else f'{end:.1f} s'}"

@@ -1,9 +1,9 @@
-"""An emulated LIBERTY or PATRIOT: its settings, its commands, and what it measures. No I/O.
+"""An emulated LIBERTY or PATRIOT: its settings, commands and measurements. No input or output.
 
-The device counts cycles: `cycle` is the number of the next one since power-up, and the caller decides when it
-happens. An omitted argument keeps its value; a command that sets something sends no reply. Source: LIBERTY
-User Manual URM03PH156, chapter of commands and reply framing. Behaviour that no manual describes is an
-assumption listed in docs/recording.md.
+The device counts cycles since power-up: `cycle` is the number of the next one, and the caller decides when it
+happens. An omitted argument of a command keeps its value; a command that sets something is not answered.
+Source: LIBERTY User Manual URM03PH156, chapters on commands and reply framing. Behaviour that the manual does
+not describe is an assumption listed in docs/recording.md.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from shukotsu.tracker.records import MM_PER_UNIT
 
 MAX_STATION = 16
 PERIOD_CYCLES = 960
-"""The built-in motion repeats after so many cycles: 4 s at 240 Hz."""
+"""Period of the built-in motion: 4 s at 240 Hz."""
 
 
 @dataclass(frozen=True)
 class PlayedMotion:
-    """Poses of receivers, a frame a cycle.
+    """Poses of receivers in T frames, one per cycle.
 
-    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN where the recording has no pose. loop : begin again
-    after the last frame; otherwise no receiver has a pose from there on. notes : parts of the file that
+    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN if the recording has no pose. loop : whether to
+    start again after the last frame; otherwise there are no poses after it. notes : parts of the file that
     cannot be played, one sentence each.
     """
 
@@ -44,9 +44,9 @@ class PlayedMotion:
     notes: tuple[str, ...] = ()
 
     def poses(self, count: Integers, stations: Sequence[int]) -> tuple[Array, Array]:
-        """Return positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
+        """Return positions in mm (T, S, 3) and quaternions (T, S, 4), NaN if there is no pose.
 
-        Both are NaN where there is no pose.
+        count : (T,) numbers of cycles, from 0.
         """
         position = np.full((len(count), len(stations), 3), np.nan)
         quaternion = np.full((len(count), len(stations), 4), np.nan)
@@ -61,11 +61,11 @@ class PlayedMotion:
 
 
 def built_in_motion() -> PlayedMotion:
-    """Return sixteen receivers that sway and bend smoothly, 0.15-0.45 m before the transmitter, in a loop."""
+    """Return a loop of sixteen receivers that sway and bend smoothly, 0.15-0.45 m before the transmitter."""
     phase = 2 * np.pi * np.arange(PERIOD_CYCLES)[:, None] / PERIOD_CYCLES
     index = np.arange(MAX_STATION)
     finger, bone = index // 4, index % 4
-    bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # farther out it bends more
+    bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # distal bones bend more
     x = 250 + 30 * bone + 40 * np.sin(phase)
     y = -45 + 30 * finger + 15 * np.cos(phase)
     position = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
@@ -85,10 +85,26 @@ def recorded_motion(
     loop: bool = False,
     notes: Sequence[str] = (),
 ) -> PlayedMotion:
-    """Return the motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
+    """Return recorded poses as motion to play.
 
-    A pose of station 0 is not played, but its frame counts. Frame numbers are divided by their usual step and
-    counted from the first; numbers that are left out stay gaps.
+    Frame numbers are divided by their median step and counted from the first; missing numbers stay gaps.
+
+    Parameters
+    ----------
+    frame, station : arrays, shape (N,)
+        Frame and station of each pose. Poses of station 0 are not played, but their frames count.
+    position_mm, quaternion : arrays, shape (N, 3) and (N, 4)
+        Poses in the transmitter's frame.
+    loop : bool
+        Whether to start again after the last frame.
+    notes : sequence of str
+        Notes to which those on the frame numbers are added.
+
+    Returns
+    -------
+    PlayedMotion
+        The motion.
+
     """
     numbers, rows = np.unique(frame, return_inverse=True)
     remark: list[str] = []
@@ -96,7 +112,7 @@ def recorded_motion(
         step = max(1, int(np.median(np.diff(numbers))))
         counted = np.rint((numbers - numbers[0]) / step).astype(np.int64)
         if counted[-1] >= 10 * len(numbers) or (np.diff(counted) == 0).any():
-            remark = ["its frame numbers are no count; its frames are played one after the other"]
+            remark = ["its frame numbers do not count frames; its frames are played one after another"]
         else:
             rows = counted[rows]
     played = station > 0
@@ -111,9 +127,9 @@ def recorded_motion(
 
 WRAP, BLOCK_CYCLES = 1 << 32, 120
 FOLLOWING = (0.0, 0.0, 0.0)
-"""The hemisphere that stands for "keep track of the receiver": no position flips."""
+"""Hemisphere vector for tracking of the receiver: no position flips."""
 RATES_HZ = {3: 120, 4: 240}
-"""Value of the rate command -> frames a second."""
+"""Argument of the rate command -> frames per second."""
 UNKNOWN_COMMAND, INVALID_STATION, INVALID = 1, 2, 3
 Arguments = Sequence[str]
 
@@ -124,16 +140,16 @@ _CONSTANTS = {"blank": ord(" "), "cr": _CR, "lf": _LF, "button": 0, "distortion"
 
 
 class RefusedError(Exception):
-    """The device refuses a command; the argument is the manual's error number."""
+    """Raised if the device refuses a command; the argument is the manual's error number."""
 
 
 class EmulatedLiberty:
     """LIBERTY with up to 16 connectors, or PATRIOT with 2.
 
-    motion : where the receivers truly are. plugged : the stations that have one. rate_hz : at power-up.
-    numbers : of the settings, by letter and station (0: of none); only format, unit, rate, output list and
-    hemisphere change what is sent. enabled : which stations are switched on. counted_from : the cycle in
-    which the counters and the motion began at 0.
+    motion : true poses of the receivers. plugged : stations with a receiver. rate_hz : rate at power-up.
+    numbers : values of the settings by letter and station (0 for settings of the whole device); only format,
+    unit, rate, output list and hemisphere affect the output. enabled : which stations are switched on.
+    counted_from : cycle at which the counters and the motion started at 0.
     """
 
     def __init__(
@@ -159,11 +175,11 @@ class EmulatedLiberty:
         self.cycle = self.counted_from = 0
         self.streaming = False
         self._typed = bytearray()
-        self._ahead: tuple[int, list[bytes]] = (0, [])  # the first of the cycles encoded ahead, and these
+        self._ahead: tuple[int, list[bytes]] = (0, [])  # number of the first cycle encoded ahead, their bytes
 
     @property
     def rate(self) -> Fraction:
-        """Cycles a second; a PATRIOT ignores the rate command."""
+        """Cycles per second; a PATRIOT ignores the rate command."""
         return Fraction(60 if self.family == "patriot" else RATES_HZ[int(self.numbers[b"R", 0][0])])
 
     @property
@@ -177,7 +193,7 @@ class EmulatedLiberty:
         return f"{self.family.upper()}{size} (emulated), {self.ports} ports, firmware EMU-1, serial EMU0001"
 
     def next_cycle(self) -> bytes:
-        """Let one cycle pass; return what it sent."""
+        """Run one cycle; return the bytes that it sends."""
         first, ahead = self._ahead
         if self.streaming and not 0 <= self.cycle - first < len(ahead):
             cycles = self.cycle + np.arange(BLOCK_CYCLES)
@@ -186,20 +202,20 @@ class EmulatedLiberty:
         return ahead[self.cycle - 1 - first] if self.streaming else b""
 
     def active(self) -> tuple[int, ...]:
-        """Return stations that are plugged in now and switched on."""
+        """Return the stations that are now plugged in and switched on."""
         return tuple(station for station in self.detected() if self.enabled[station])
 
     def detected(self) -> tuple[int, ...]:
-        """Return stations that are plugged in now."""
+        """Return the stations that are now plugged in."""
         plugged = self.present(np.array([self.cycle]))[0]
         return tuple(s for s, there in zip(self.stations, plugged.tolist(), strict=True) if there)
 
     def present(self, cycles: Integers) -> Bools:
-        """Whether each station of the device is plugged in, (T, S)."""
+        """Return whether each station of the device is plugged in at each cycle, (T, S)."""
         return np.tile(np.isin(list(self.stations), list(self.plugged)), (len(cycles), 1))
 
     def _encoded(self, cycles: Integers, command: int) -> list[bytes]:
-        """Measure cycles; return the bytes of each. command : what they answer."""
+        """Measure cycles; return the bytes of each. command : command byte of the records."""
         present = self.present(cycles) & list(self.enabled.values())
         passed = cycles - self.counted_from
         records: list[tuple[Bools, list[bytes]]] = []
@@ -218,9 +234,9 @@ class EmulatedLiberty:
     def _numbers(
         self, station: int, passed: Integers, position_mm: Array, quaternion: Array
     ) -> dict[str, Array | Integers]:
-        """Return numbers of a station's records by the names of fields, each (T,)."""
+        """Return the numbers of a station's records, field name -> (T,)."""
         hemisphere = self.numbers[b"H", station]
-        if hemisphere != FOLLOWING:  # outside its half of space a receiver is reported opposite
+        if hemisphere != FOLLOWING:  # outside its hemisphere a receiver's position is reported mirrored
             position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
         position = position_mm / MM_PER_UNIT["cm" if self.numbers[b"U", 0][0] else "inch"]
         cosines = rotations.matrix(quaternion)
@@ -248,13 +264,13 @@ class EmulatedLiberty:
         return [data[at : at + size] for at in range(0, len(data), size)]
 
     def _text(self, station: int, numbers: dict[str, Array | Integers], _command: int) -> list[bytes]:
-        """Records in text have the list of power-up, whatever was asked for."""
+        """Encode records as text; they always have the output list of power-up."""
         columns = [numbers[name] for name in ("x", "y", "z", "azimuth", "elevation", "roll")]
         pattern = f"{station:02d}  " + "%8.3f " * 6 + "\r\n"
         return [(pattern % row).encode() for row in zip(*columns, strict=True)]
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes of the client; return the answers, echo among them where that is on."""
+        """Process the client's bytes; return the answers, with an echo of the bytes if echo is on."""
         out = bytearray()
         for byte in data:
             if self.numbers[ECHO, 0][0]:
@@ -263,7 +279,7 @@ class EmulatedLiberty:
         return bytes(out)
 
     def reply(self, command: int, text: str, binary: bytes = b"", station: int = 0) -> bytes:
-        """Frame an answer: in binary 8 bytes and the body, in ASCII station, letter, error, blank, text."""
+        """Return a framed answer: in binary header and body, in ASCII station, letter, error and text."""
         if self._is_binary:
             return self._header(station, command, 0, len(binary)) + binary
         letter = chr(command + 0x60) if command < 0x20 else chr(command)
@@ -273,7 +289,7 @@ class EmulatedLiberty:
         return TAGS[self.family] + struct.pack("<BBBBh", station, command, error, 0, size)
 
     def _take(self, byte: int) -> bytes:
-        """Take one byte: P acts at once, CR ends a command, LF is nothing."""
+        """Process one byte: P acts at once, CR ends a command, LF is ignored."""
         if byte == _LF:
             return b""
         if not self._typed and byte in (_P, _P + 32):
@@ -323,8 +339,10 @@ def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
 
 @dataclass(frozen=True)
 class DeviceSetting:
-    """A setting that can be made and asked for. default : its numbers. text : how these are written, all or
-    one group after the other. allowed : what they can be, where they are whole; otherwise they are floats.
+    """A setting that can be set and queried.
+
+    default : its numbers at power-up. text : format of its numbers, or of one group of them, which is
+    repeated. allowed : valid whole numbers; None if the numbers are floats.
     """
 
     default: tuple[float, ...]
@@ -333,7 +351,7 @@ class DeviceSetting:
     per_station: bool = False
 
     def obey(self, device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
-        """Set the value, or reply with it."""
+        """Set the value, or return an answer with it if there are no values."""
         values = arguments[1:] if self.per_station else arguments
         answer = b""
         for station in _stations(device, arguments) if self.per_station else [0]:
@@ -359,16 +377,17 @@ class DeviceSetting:
 
 
 def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
-    """Do what a command letter, or control character, beside settings asks for; answer it."""
+    """Execute a command (letter or control character) that is not a setting; return its answer."""
     if code == b"\x15" and arguments == ["0"]:
         halves = [sum(1 << (s - 1) for s in numbers) for numbers in (device.active(), device.detected())]
         return device.reply(0x15, f"{halves[1]:04x}{halves[0]:04x}", struct.pack("<HH", *halves))
     stations = _stations(device, arguments) if code == b"\x15" else []
-    _count(arguments, *(2 * [{b"\x15": 2, b"Q": 1}.get(code, 0)]))
-    if code == b"\x14":  # faults that its built-in test has found
+    expected = {b"\x15": 2, b"Q": 1}.get(code, 0)
+    _count(arguments, expected, expected)
+    if code == b"\x14":  # result of the built-in test: no fault
         words = 18 if device.ports > 8 else 9
         return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))
-    if code == b"\x16":  # who it is
+    if code == b"\x16":  # identification
         text = device.whoami
         return device.reply(0x16, text, bytes((device.ports, device.family == "patriot", 0)) + text.encode())
     if code == b"Q":
@@ -401,4 +420,4 @@ SETTINGS = {
     b"@": DeviceSetting((1,), allowed=_FLAG),
 }
 COMMANDS = (b"C", b"Q", b"\x14", b"\x15", b"\x16")
-"""Letters, and control characters, of other commands. P is not here: it acts without an end."""
+"""Letters and control characters of other commands, except P, which acts without CR."""

@@ -1,4 +1,4 @@
-"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine; neither blocks."""
+"""Run the emulated tracker in real time on a pseudo-terminal or a TCP port; neither blocks."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from shukotsu.tracker.records import StreamSettings
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20
-"""Bytes buffered for a slow client; beyond it whole cycles are dropped."""
+"""Largest amount of data buffered for a slow client; beyond it, complete cycles are dropped."""
 _IDLE_S = 0.02
-"""How long to wait for a client at most while nothing is streamed."""
+"""Longest wait for a client while nothing is streamed."""
 
 
 class Emulator:
-    """Device and clock. Time is the caller's, in ns from any beginning, and never goes back.
+    """An emulated device with a clock. The caller provides the time, in ns from any origin, never decreasing.
 
-    write : takes bytes towards the client and returns how many were taken; waiting : that were not yet.
+    write : sends bytes to the client and returns how many were sent. waiting : bytes that were not sent yet.
     """
 
     def __init__(self, device: EmulatedLiberty, write: Callable[[bytes], int], now_ns: int) -> None:
@@ -43,12 +43,12 @@ class Emulator:
 
     @property
     def due_ns(self) -> int:
-        """Return when the next cycle is to be measured."""
+        """Time of the next cycle, ns."""
         passed = self.device.cycle - self._from_cycle
         return self._from_ns + passed * SECOND_NS * self._rate.denominator // self._rate.numerator
 
     def receive(self, data: bytes, now_ns: int) -> None:
-        """Hand the client's bytes to the device and its answer to the line."""
+        """Pass the client's bytes to the device and send its answer."""
         if not data:
             return
         self.run(now_ns)
@@ -59,7 +59,7 @@ class Emulator:
         self._send()
 
     def run(self, now_ns: int) -> None:
-        """Let every cycle pass that is due."""
+        """Run all cycles that are due."""
         while self.due_ns <= now_ns:
             data = self.device.next_cycle()
             if len(self.waiting) < MOST_WAITING_BYTES:
@@ -73,10 +73,10 @@ class Emulator:
 
 
 class TcpPort:
-    """A TCP port of this machine for a client at a time; without one, bytes are lost.
+    """A TCP port of this machine for one client at a time; without a client, bytes are lost.
 
-    name : what a client is to open. readable : descriptors that are so when there is something to do.
-    Raises InputError where the port is taken.
+    name : URL for the client to open. readable : file descriptors to wait for. Raises InputError if the port
+    is in use.
     """
 
     def __init__(self, host: str, number: int) -> None:
@@ -90,7 +90,7 @@ class TcpPort:
         self.readable = [self._listener.fileno()]
 
     def read(self) -> bytes:
-        """Read what the client has sent; a second client is turned away."""
+        """Return the bytes that the client has sent; reject a second client."""
         with suppress(OSError):
             client, _ = self._listener.accept()
             if self._client is not None:
@@ -113,7 +113,7 @@ class TcpPort:
         return data
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the client."""
+        """Send bytes to the client; return how many were sent or, without a client, lost."""
         if self._client is None:
             return len(data)
         try:
@@ -137,10 +137,10 @@ class TcpPort:
 
 
 class PtyPort:
-    """A pseudo-terminal; bytes stay in it while nobody reads, until it is full.
+    """A pseudo-terminal; it buffers unread bytes until it is full.
 
-    name, readable : as of `TcpPort`. link : where to put a symbolic link to it. Raises InputError where the
-    link cannot be made, or the system has no pseudo-terminals.
+    name, readable : as in `TcpPort`. link : symbolic link to create. Raises InputError if the link cannot be
+    created, or if the system has no pseudo-terminals.
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -163,7 +163,7 @@ class PtyPort:
                 raise InputError(f"{link}: cannot be made a link to {self.name} ({why})") from error
 
     def read(self) -> bytes:
-        """Read what the client has sent."""
+        """Return the bytes that the client has sent."""
         try:
             return os.read(self._master, READ_BYTES)
         except OSError as error:
@@ -172,14 +172,14 @@ class PtyPort:
             raise
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the client; none where it does not read."""
+        """Send bytes to the client; return how many were sent, 0 if the buffer is full."""
         try:
             return os.write(self._master, data)
         except BlockingIOError:
             return 0
 
     def close(self) -> None:
-        """Hang up, and take the link away."""
+        """Close the terminal and remove the link."""
         os.close(self._master)
         os.close(self._slave)
         if self._link is not None and self._link.is_symlink():
@@ -187,7 +187,7 @@ class PtyPort:
 
 
 def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], bool]) -> None:
-    """Run until `stopped` says so. Pace comes from the monotonic clock."""
+    """Run the emulator by the monotonic clock until `stopped` returns true."""
     while not stopped():
         emulator.run(time.perf_counter_ns())
         wait_s = max(0.0, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
@@ -199,16 +199,18 @@ def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], boo
 
 
 BEGINNING_NS = 3_360_000_000
-"""The made-up clock's reading when the recorder starts the stream."""
+"""Simulated host time when the recorder starts the stream."""
 PIECE_NS, MOST_JITTER_NS, _MOST_HELD_BACK_BYTES = 10_000_000, 1_000_000, 80
 
 
 def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) -> None:
-    """Record the device from the first to the last frame of its motion.
+    """Write an archive of the emulated device from the first to the last frame of its motion.
 
-    Positions pass through float32 centimetres: they come back within 1e-4 mm up to 1 m from the transmitter.
-    about : kept with the recording. The hemisphere is one that no receiver leaves, or following. Raises
-    InputError where `out` exists.
+    Positions are stored as float32 centimetres, which keeps them within 1e-4 mm up to 1 m from the
+    transmitter. The hemisphere is one that no receiver leaves, or else tracking.
+
+    device : the emulated tracker. out : the archive to write; InputError if it exists. about : description to
+    store.
     """
     archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
     vector, items = home_hemisphere(device.motion), ",".join(map(str, FULL_LIST))
@@ -225,7 +227,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     )
     archive.settings(settings.to_json(), BEGINNING_NS)
     archive.sent(begin, BEGINNING_NS)
-    emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # what it sends waits until a piece takes it
+    emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # its bytes wait until a piece below takes them
     device.receive(begin)
     begun_ns = emulator.due_ns
     end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
@@ -235,7 +237,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
         draw = random.Random(pieces)
         now_ns = due_ns + draw.randrange(MOST_JITTER_NS)
         held_back = 0 if due_ns == end_ns else draw.randrange(_MOST_HELD_BACK_BYTES)
-        count = len(emulator.waiting) - held_back  # the others come with the next piece
+        count = len(emulator.waiting) - held_back  # the rest is in the next piece
         if count > 0:
             archive.received(bytes(emulator.waiting[:count]), now_ns)
             del emulator.waiting[:count]
@@ -247,7 +249,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
 
 
 def home_hemisphere(motion: PlayedMotion) -> tuple[float, float, float]:
-    """Return the axis on whose side all receivers stay, nearest to where they are; FOLLOWING: none."""
+    """Return the axis nearest to the receivers' mean position if all stay on its side, else FOLLOWING."""
     positions = motion.position_mm.reshape(-1, 3)
     positions = positions[np.isfinite(positions).all(-1)]
     mean = positions.mean(0) if len(positions) else np.zeros(3)

@@ -10,7 +10,7 @@ from shukotsu.errors import InputError, guess
 
 
 class UsbTracker(NamedTuple):
-    """A tracker on USB: its name, its state, and the endpoints out and in where bulk transfers read it."""
+    """A tracker on USB: name, state, and bulk endpoints (out, in) if this program can read it over USB."""
 
     name: str
     state: str
@@ -21,8 +21,8 @@ class UsbTracker(NamedTuple):
 class Family:
     """A family of trackers.
 
-    title : its name for people. rates_hz : frames a second that a user can choose, the usual one first.
-    connectors : largest number of receivers. remedies : options that reduce its stream. usb : by vendor and
+    title : name for display. rates_hz : frame rates that a user can choose, the default first. connectors :
+    largest number of receivers. remedies : options that reduce the data rate. usb : USB devices by vendor and
     product.
     """
 
@@ -67,6 +67,6 @@ USB_TRACKERS = {device: tracker for family in FAMILIES.values() for device, trac
 
 
 def check_family(name: str, where: str) -> None:
-    """Raise InputError where no family has that name; where : what names it, for the message."""
+    """Raise InputError if no family has that name; where : option or file that names it, for the message."""
     if name not in FAMILIES:
         raise InputError(f"{where}: is {name!r}; {guess(name, [*FAMILIES])}")

@@ -1,10 +1,10 @@
-"""LIBERTY and PATRIOT in binary: items, replies, and records, which are found again after damage.
+"""Binary protocol of LIBERTY and PATRIOT: items, replies, and a decoder that resynchronises after damage.
 
-An answer has the same header as a record and a length; there is no checksum. A start is a byte at which a
-plausible header stands. It is accepted when it follows directly on a good record, when at its end stands
-another start, or when its quaternion has length 1. So garbage between records loses nothing, and a lost or
-changed byte loses only the record that contained it. Source: LIBERTY User Manual URM03PH156, output list
-command ('O'), tables of output formats, of commands and of errors, reply framing (little-endian, 8-byte
+Answers and records have the same header with a length; there is no checksum. A start is a byte at which a
+plausible header begins. It is accepted if it directly follows a good record, if another start follows at its
+end, or if its numbers are plausible, among them a unit quaternion. So garbage between records does no harm,
+and a lost or changed byte costs only the record that contained it. Source: LIBERTY User Manual URM03PH156,
+output list command ('O'), tables of output formats, commands and errors, reply framing (little-endian, 8-byte
 header).
 """
 
@@ -35,7 +35,7 @@ TAGS = {"liberty": b"LY", "patriot": b"PA"}
 MAX_BODY_BYTES = 2800
 """The longest reply (a stored configuration) has 2384 bytes."""
 STREAMED, SINGLE = ord("C"), ord("P")
-"""The command byte of a record: while streaming, and in answer to a single poll."""
+"""Command byte of a record: while streaming, and in answer to a single poll."""
 STATIONS = range(1, 17)
 HEADER = (
     ("tag", "V2"), ("station", "u1"), ("command", "u1"), ("error", "u1"), ("reserved", "u1"), ("size", "<i2"),
@@ -57,14 +57,14 @@ ITEMS: dict[int, tuple[tuple[str, ...], str]] = {
     11: (("distortion",), "i4"),
     12: (("sync",), "i4"),
 }
-"""Item -> names of its numbers, in order, and their NumPy type codes in binary."""
+"""Item -> names of its numbers, in order, and their NumPy type in binary."""
 MOST_ITEMS = 20
 DEFAULT_LIST = (2, 4, 1)
 FULL_LIST = (8, 9, 11, 10, 12, 3, 7)
-"""Output list that a recorder requests: both counters, distortion, stylus, sync, position and quaternion; 56
-bytes."""
+"""Output list that the recorder requests: both counters, distortion, stylus, sync, position and quaternion;
+56 bytes."""
 SHORT_LIST = (9, 2, 7)
-"""Frame count, position and quaternion: 40 bytes, for a line that cannot carry more."""
+"""Output list for slow lines: frame count, position and quaternion; 40 bytes."""
 
 Value = int | tuple[int, ...] | tuple[float, ...]
 HALVES = "<u2"
@@ -85,11 +85,11 @@ ERRORS = dict(
         1,
     )
 )
-"""Error code of an answer -> what it means."""
+"""Error code of an answer -> its meaning."""
 
 
 def record_type(items: Sequence[int]) -> np.dtype[np.void]:
-    """Return the NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
+    """Return the NumPy type of a complete binary record; repeated items get numbered field names."""
     fields, names = list(HEADER), {name for name, _ in HEADER}
     for index, item in enumerate(items):
         numbers, kind = ITEMS[item]
@@ -100,9 +100,9 @@ def record_type(items: Sequence[int]) -> np.dtype[np.void]:
 
 
 def list_of_all(lists: Mapping[int, Sequence[int]]) -> tuple[int, ...]:
-    """Return the output list that all stations have; lists : station -> its list.
+    """Return the common output list of all stations; lists : station -> its list.
 
-    Raises InputError where there is no such station or item, or the lists differ.
+    Raises InputError if a station or item does not exist, or the lists differ.
     """
     for station, items in lists.items():
         if station not in STATIONS or not items or not ITEMS.keys() >= set(items):
@@ -125,10 +125,10 @@ def list_of_all(lists: Mapping[int, Sequence[int]]) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting that can be asked for, and most of them set.
+    """A setting that can be queried and, in most cases, set.
 
-    command : its letter. kind : of an answer's numbers, as NumPy names it; "<u2" for two halves of bits.
-    count : how many there are, 0 for any. per_station : asked and set for each station.
+    command : its letter. kind : NumPy type of the answer's numbers; "<u2" for two bit masks of stations.
+    count : number of these, 0 for any. per_station : whether each station has its own value.
     """
 
     command: bytes
@@ -141,11 +141,11 @@ class Setting:
         return self.per_station or self.kind == HALVES
 
     def question(self, station: int = 0) -> bytes:
-        """Return the bytes that ask for it; of halves, 0 asks for all stations."""
+        """Return the bytes of a query; station 0 stands for all stations of bit masks."""
         return self.command + (str(station).encode() if self._has_station else b"") + b"\r"
 
     def assignment(self, value: float | Sequence[float], station: int | None = None) -> bytes:
-        """Return the bytes that set it, of one station or (None) of all where it is a station's."""
+        """Return the bytes that set it, for one station or, with None, for all."""
         numbers = [value] if isinstance(value, int | float) else value
         words = [f"{number:g}" for number in numbers]
         if self._has_station:
@@ -154,7 +154,7 @@ class Setting:
 
 
 def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) -> list[Reply]:
-    """Return all that is framed as an answer or record, also inside others."""
+    """Return everything that is framed as an answer or record, including frames inside others."""
     replies = []
     for tag in re.finditer(b"|".join(tags), data):
         at = tag.start()
@@ -167,13 +167,13 @@ def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) ->
 
 
 def answers(reply: Reply, setting: Setting, station: int) -> bool:
-    """Whether a reply states that setting of that station (0: of none)."""
+    """Return whether a reply states the setting of the station, 0 if the setting is not per station."""
     expected = station if setting.per_station else 0
     return reply.command == setting.command[0] and reply.station == expected
 
 
 def binary_value(setting: Setting, reply: Reply) -> Value | None:
-    """Read a binary answer; None where its length cannot be that of one."""
+    """Return the value in a binary answer, or None if its length does not fit the setting."""
     size = np.dtype(setting.kind).itemsize
     if not reply.body or len(reply.body) % size or setting.count not in (0, len(reply.body) // size):
         return None
@@ -185,17 +185,17 @@ def binary_value(setting: Setting, reply: Reply) -> Value | None:
 
 
 def stations_of(bits: int) -> tuple[int, ...]:
-    """Return stations whose bits are set, the lowest of station 1."""
+    """Return the stations whose bits are set; the lowest bit is station 1."""
     return tuple(station for station in STATIONS if bits & 1 << (station - 1))
 
 
 _IS_RECORD = np.isin(np.arange(256), [STREAMED, SINGLE])
 _IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
-"""Error letters of pose records: none, source failure by axes, BIT errors, outside the mapped area."""
+"""Error letters of pose records: none, source failure by axis, BIT errors, outside the mapped area."""
 NO, UNKNOWN, YES = 0, 1, 2
-"""Whether a start is accepted; UNKNOWN where more bytes are needed to decide."""
+"""Whether a start is accepted; UNKNOWN if more bytes are needed to decide."""
 _MOST = {"frame": None, "device_ms": None, "button": 1, "distortion": 2, "sync": 1}
-"""Numbers of a record beside its pose, and their largest valid values."""
+"""Other numbers of a record than its pose, and their largest valid values."""
 
 
 class BinaryDecoder(protocol.PiecewiseDecoder):
@@ -210,13 +210,13 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         self._mm_per_unit = MM_PER_UNIT[settings.unit]
         self._tag = TAGS[settings.family]
         self._is_station = np.isin(np.arange(256), list(settings.items))
-        self._trusted = False  # whether the rest begins right after a good record
+        self._trusted = False  # whether the kept bytes begin right after a good record
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
         at, size = self._starts(b), self._kind.itemsize
 
         def are_good(indices: Integers) -> Bools:
-            """Whether starts are all there and their numbers can be right, (M,) both."""
+            """Return for each start whether its record is complete and its numbers are possible, (M,)."""
             good = at[indices] + size <= len(b)
             good[good] = ~self._records(b, at[indices[good]]).doubtful
             return good
@@ -232,7 +232,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         return Decoded(self._records(b, first), skipped), walk.position
 
     def _starts(self, b: Bytes) -> Integers:
-        """Return the bytes of headers that can be ones, ascending."""
+        """Return the positions of plausible record headers, ascending."""
         heads = b[: max(0, len(b) - HEADER_BYTES + 1)]
         tagged = (heads == self._tag[0]) & (b[1 : len(heads) + 1] == self._tag[1])
         at = np.flatnonzero(tagged).astype(np.int64)
@@ -242,7 +242,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         return np.asarray(at[possible & (HEADER_BYTES + body_bytes == self._kind.itemsize)])
 
     def _records(self, b: Bytes, at: Integers) -> Records:
-        """Read the records at those bytes; nothing is checked but what cannot be right."""
+        """Read the records at these positions; impossible ones are marked as doubtful."""
         records = protocol.empty_records(len(at))
         if not len(at):
             return records
@@ -265,14 +265,15 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
 
 
 class _Walk:
-    """A walk over a piece of a stream of `length` bytes; `final` : nothing follows it.
+    """A pass over a piece of a stream that selects the record starts to accept.
 
-    at : (N,) where a record of `size` bytes may start. are_good() : whether starts are all there and their
-    numbers can be right. believed : (N,) whether a start is believed though nothing good stands before it.
-    position : all before it is decided. trusted : whether a record that starts there is believed.
+    at : (N,) possible starts of records of `size` bytes. length : length of the piece. final : whether
+    nothing follows it. are_good : returns whether records are complete and their numbers possible. believed :
+    (N,) NO, UNKNOWN or YES, whether a start is accepted even if it does not follow a good record. position :
+    everything before it is decided. trusted : whether a record that starts at `position` is accepted.
 
-    What the piece is too short to decide is left for the next one, so that the outcome does not depend on
-    where a stream is cut.
+    Starts that the piece is too short to decide are left for the next one, so that the result does not depend
+    on where the stream is cut.
     """
 
     def __init__(
@@ -282,17 +283,18 @@ class _Walk:
         self._at, self._end, self._length, self._final = at, at + size, length, final
         self._are_good = are_good
         index = np.searchsorted(at, self._end)
-        self._following = np.where(np.append(at, -1)[index] == self._end, index, -1)  # -1: no start there
+        # index of the start at each record's end, or -1
+        self._following = np.where(np.append(at, -1)[index] == self._end, index, -1)
         self._linked = (self._following >= 0) | ((self._end == length) & final)
         self._cut = (self._end + HEADER_BYTES > length) & (not final)
         self.believed = np.where(self._linked, YES, np.where(self._cut, UNKNOWN, NO))
 
     def accepted(self) -> Integers:
-        """Walk; return the indices of the accepted starts, ascending."""
+        """Return the indices of the accepted starts, ascending."""
         runs = [np.empty(0, np.int64)]
         believable = np.flatnonzero(self.believed)
         breaks = np.flatnonzero(self._following != np.arange(1, len(self._at) + 1))
-        # Where less than a header is left, nothing is decided yet.
+        # With less than a header left, nothing can be decided yet.
         shortest = 1 if self._final else HEADER_BYTES
         while self.position + shortest <= self._length:
             index = int(np.searchsorted(self._at, self.position))
@@ -308,7 +310,9 @@ class _Walk:
         return np.concatenate(runs)
 
     def _judge(self, index: int) -> tuple[bool, bool]:
-        """Decide whether a trusted start is a record although the next start does not directly follow it."""
+        """Decide whether a trusted start is a record although no start follows directly; return whether, and
+        whether the pass can continue.
+        """
         at, end = int(self._at[index]), int(self._end[index])
         if self._linked[index]:
             self.position = end
@@ -322,16 +326,16 @@ class _Walk:
                 return False, False
             self.position = int(self._at[within[0]])
             return False, True
-        # Either it is complete and followed by garbage or a damaged header, or it is not a record.
+        # It is either complete and followed by garbage or a damaged header, or not a record.
         is_record = bool(self._are_good(np.array([index]))[0])
         self.position, self.trusted = end if is_record else at + 1, False
         return is_record, True
 
     def _search(self, believable: Integers) -> bool:
-        """Skip to the next start that can be believed; False to wait for more."""
+        """Move to the next acceptable start; return whether it is accepted or needs more bytes (False)."""
         self.trusted = False
         if not len(believable):
-            rest = 0 if self._final else HEADER_BYTES - 1  # where the first bytes of a header may stand
+            rest = 0 if self._final else HEADER_BYTES - 1  # these bytes may begin a header
             self.position = max(self.position, self._length - rest)
             return False
         self.position = int(self._at[believable[0]])

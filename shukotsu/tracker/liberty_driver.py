@@ -1,9 +1,9 @@
-"""Setting up LIBERTY and PATRIOT from any state that an earlier program left.
+"""Set up LIBERTY and PATRIOT, from any state in which an earlier program left them.
 
-They keep their settings between programs and do not acknowledge assignments. Therefore: stop, wake, read all
-settings, set those that matter, read again and compare, all in binary. Commands whose effect would outlast
-this recording or accumulate (saved settings, alignment, boresight) are never sent. Source of the commands:
-LIBERTY User Manual URM03PH156.
+They keep their settings between programs and do not acknowledge assignments. Therefore the driver stops and
+wakes the tracker, reads all settings, sets those that matter, reads them again and compares, all in binary.
+Commands whose effect would outlast this recording or accumulate (saved settings, alignment, boresight) are
+never sent. Source of the commands: LIBERTY User Manual URM03PH156.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from shukotsu.tracker.liberty import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
 from shukotsu.tracker.records import StreamSettings
 
 State = dict[str, Any]
-"""Name of a setting -> its value, or station -> value; None where the tracker did not say."""
+"""Name of a setting -> its value, or station -> value; None if the tracker did not answer."""
 FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
 FRAMES = {
     "boresight": (is_zero, "a boresight turns its orientations"),
     "alignment": (is_default_alignment, "an alignment moves its frame"),
     "tip_offset": (is_zero, "a tip offset moves its positions"),
 }
-"""Setting that an earlier program may have left -> whether a value is none, what it does."""
+"""Settings that an earlier program may have changed -> test for the default, effect of another value."""
 POLL = b"P"
-"""Ends a stream and asks for one record of each station; the only command that ends without CR."""
+"""Ends a stream and requests one record of each station; the only command without CR."""
 STREAM = b"C\r"
 BINARY = b"F1\r"
 RESET_COUNTERS = b"Q0\r"
 WHOAMI = b"\x16\r"
 WHOAMI_NUMBERS = 3
-"""Bytes before its text: ports, type, 0."""
+"""Number of bytes before the text of the answer: ports, type, 0."""
 RATES = {120: 3, 240: 4}
-"""Frames a second -> the number that stands for it."""
+"""Frames per second -> argument of the rate command."""
 SETTINGS = {
     "units": Setting(b"U"),
     "rate": Setting(b"R"),
@@ -65,7 +65,7 @@ SETTINGS = {
     "alignment": Setting(b"A", "<f4", 9, per_station=True),
     "tip_offset": Setting(b"N", "<f4", 3, per_station=True),
 }
-"""What is asked for before and after a set-up, in that order."""
+"""Settings that are queried before and after set-up, in this order."""
 CENTIMETRES, ANSWER_S = 1, 1.0
 
 
@@ -78,7 +78,7 @@ class LibertyDriver(TrackerDriver):
         self._switches: dict[int, bool] = {}
 
     def set_up(self) -> StreamSettings:
-        """Identify the tracker, set it up and verify every setting. Raises InputError."""
+        """Identify the tracker, set it up and verify every setting. Raises InputError if any of it fails."""
         whoami = self._find(self._attempt)
         before = self._ask_all()
         stations = self._choose_stations(before["stations"])
@@ -90,7 +90,7 @@ class LibertyDriver(TrackerDriver):
         came, _ = self._conversation.drain(0.1)
         self._complaints = [ERRORS[r.error] for r in replies.binary_answers(came) if r.error in ERRORS]
         after = self._ask_all()
-        # those that can send; InputError where none can, or not just those of --stations
+        # receivers that can send; an error if there are none, or if they differ from --stations
         halves = after["stations"]
         usable = None if halves is None else replies.stations_of(halves[0] & halves[1])
         active = tuple(station for station in stations if station in (usable or ()))
@@ -103,7 +103,7 @@ class LibertyDriver(TrackerDriver):
             wanted["echo"] = 0
         self._compare(after, wanted, stations)
         self._warn_of(after, stations)
-        request, every = self._request, range(1, self._ports + 1)  # also of a receiver plugged in later
+        request, every = self._request, range(1, self._ports + 1)  # receivers may be plugged in later
         return StreamSettings(
             request.family,
             "binary",
@@ -127,8 +127,8 @@ class LibertyDriver(TrackerDriver):
         self._conversation.send(POLL)
 
     def _attempt(self) -> tuple[str | None, bytes]:
-        """Stop a stream, wait for any reply, and request the identification in binary."""
-        # A partial command left by an aborted program would swallow the first poll.
+        """Stop a stream, wait for any reply, request the identification; return it and all bytes received."""
+        # An incomplete command left by an aborted program would swallow the first poll.
         before = self._silence(POLL, b"\r" + POLL)
         answer = self._conversation.ask(b"\r", lambda data: data or None, ANSWER_S)
         rest, _ = self._conversation.drain(cap_s=2.0)
@@ -136,7 +136,7 @@ class LibertyDriver(TrackerDriver):
         return (self._identify() if heard else None), heard
 
     def _identify(self) -> str | None:
-        """Return what it says of itself; None where it does not. InputError where it is another family."""
+        """Return the tracker's identification, None without an answer. InputError if the family is wrong."""
 
         def whoami(data: bytes) -> tuple[str, bytes] | None:
             for family, tag in TAGS.items():
@@ -167,7 +167,7 @@ class LibertyDriver(TrackerDriver):
         return state
 
     def _ask(self, setting: Setting, station: int = 0) -> Value | None:
-        """Return the answer to a question; None where it is refused or does not come."""
+        """Query a setting; return its value, or None if the query is refused or not answered."""
 
         def answer_in(data: bytes) -> tuple[Value | None] | None:
             for reply in replies.binary_answers(data, [TAGS[self._request.family]]):
@@ -184,13 +184,13 @@ class LibertyDriver(TrackerDriver):
         return None if answer is None else answer[0]
 
     def _choose_stations(self, halves: tuple[int, ...] | None) -> tuple[int, ...]:
-        """Return the stations to record; without --stations all that are connected, switched off or not.
+        """Return the stations to record; without --stations all connected ones, even if switched off.
 
-        Raises InputError where those asked for are not connected.
+        Raises InputError if a requested station is not connected.
         """
         if halves is None:
-            raise InputError(f"{self._port_name}: the tracker does not say which receivers are connected")
-        # which half says which the manual does not leave beyond doubt; only what is in both can send
+            raise InputError(f"{self._port_name}: the tracker does not report which receivers are connected")
+        # the manual is ambiguous about which mask is which; only stations in both can send
         usable, wanted = replies.stations_of(halves[0] & halves[1]), self._request.stations
         connected = {s for s in replies.stations_of(halves[0] | halves[1]) if s <= self._ports}
         absent = [] if wanted is None else sorted(set(wanted) - connected)
@@ -208,21 +208,21 @@ class LibertyDriver(TrackerDriver):
         return wanted
 
     def _wanted(self, *, echo: bool) -> dict[str, Any]:
-        """Return the settings that a recording needs, in the order in which they are sent."""
+        """Return the settings that the recording needs, in the order in which they are sent."""
         request = self._request
         wanted: dict[str, Any] = {"echo": 0} if echo else {}
         wanted["units"] = CENTIMETRES
         if request.family == "liberty":
             wanted["rate"] = RATES[request.rate_hz]
         wanted |= {"output_list": request.items, "hemisphere": request.hemisphere, "stylus": 0}
-        # Without external sync on, the sync item would always be 0.
+        # With external sync off, the sync item would always be 0.
         wanted["external_sync"] = int(any("sync" in ITEMS[item][0] for item in request.items))
         if request.no_filters:
             wanted |= dict.fromkeys(("position_filter", "attitude_filter"), FILTER_OFF)
         return wanted
 
     def _compare(self, after: State, wanted: Mapping[str, Any], stations: tuple[int, ...]) -> None:
-        """Raise InputError where a setting is not what was sent."""
+        """Raise InputError if a setting differs from the value sent."""
         for name, sent in wanted.items():
             title = "stylus mode" if name == "stylus" else name.replace("_", " ")
             values = {title: after[name]}
@@ -231,15 +231,15 @@ class LibertyDriver(TrackerDriver):
             for what, reported in values.items():
                 if name == "hemisphere" and reported and same_direction(reported, sent):
                     continue
-                if name == "hemisphere" and sent == TRACK:  # it may well tell the present half
+                if name == "hemisphere" and sent == TRACK:  # the tracker may report its present hemisphere
                     continue
-                # Asked for, the lowest and the highest of a filter may be swapped.
+                # The tracker may report the limits of a filter in reverse order.
                 answer, asked = (sorted(v) if name.endswith("filter") and v else v for v in (reported, sent))
                 if answer != asked:
                     self._require(what, reported, sent)
 
     def _warn_of(self, after: State, stations: tuple[int, ...]) -> None:
-        """Warn of what an earlier program has left in force, and faults: not for a recorder to undo."""
+        """Warn of faults, and of settings of earlier programs that a recorder must not undo."""
         for name, (is_default, text) in FRAMES.items():
             odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
             if odd:
@@ -252,4 +252,4 @@ class LibertyDriver(TrackerDriver):
             words = " ".join(f"{word:08x}" for word in after["bit_errors"])
             self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
         if after["usb_buffering"] == 0:
-            self.warnings.append("USB buffering is off, so that frames may be left out, left as it is")
+            self.warnings.append("USB buffering is off, so that frames may be lost, left as it is")

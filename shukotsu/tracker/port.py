@@ -1,6 +1,6 @@
-"""A tracker's port: a serial device, a pseudo-terminal, a URL of pySerial (socket://, rfc2217://), or USB.
+"""Ports of trackers: serial devices, pseudo-terminals, URLs of pySerial (socket://, rfc2217://), and USB.
 
-Only three wires of a LIBERTY's RS-232 are connected, so no flow control is ever switched on.
+A LIBERTY's RS-232 connects only three wires, so flow control is never used.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ _READ_BYTES, _QUANTUM_S, _EMPTY_READS = 65536, 0.005, 3
 
 PortEntry = tuple[str, int | None, int | None, str]
 """A serial port: its name, USB vendor, USB product, description."""
-WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number"
+WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it reappears under another number"
 HINT = (
-    "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
+    "A tracker on USB is not a serial port; on Linux, once it has its firmware, this makes it one:\n"
     "  sudo modprobe usbserial vendor=0x0f44 product=0x{product:04x}"
 )
 
 
 class PortGoneError(Exception):
-    """The port does not exist any more, or its other end has closed it."""
+    """Raised if the port no longer exists, or its other end has closed it."""
 
 
 class Port(ABC):
     """An open port.
 
-    name : as the user wrote it. baud : what a serial device is set to; None for others. line_baud : bits a
-    second of the serial line behind it; None where there is none (a terminal, a network, a tracker's USB).
+    name : as given by the user. baud : setting of a serial device; None for others. line_baud : bits per
+    second of the serial line behind it; None if there is no serial line (terminal, network, a tracker's USB).
     """
 
     def __init__(self, name: str, baud: int | None = None, line_baud: int | None = None) -> None:
@@ -52,16 +52,16 @@ class Port(ABC):
         self.line_baud = line_baud
 
     def set_baud(self, baud: int) -> None:
-        """Change the line's rate, or note it where the port has none to set."""
+        """Change the line's rate; ports without one only store it."""
         self.baud = self.line_baud = baud
 
     @abstractmethod
     def read(self) -> bytes:
-        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        """Return the bytes received; wait at most WAIT_S for the first one. Raises PortGoneError."""
 
     @abstractmethod
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises PortGoneError."""
+        """Send all bytes. Raises PortGoneError."""
 
     @abstractmethod
     def close(self) -> None:
@@ -69,10 +69,10 @@ class Port(ABC):
 
 
 class SerialPort(Port):
-    """A port of pySerial's.
+    """A port opened by pySerial.
 
-    Where a system can wait for a descriptor, a read ends with the first bytes that come, so that the host's
-    time is that of their arrival; elsewhere (Windows, rfc2217) it is theirs to _QUANTUM_S.
+    On systems that can wait for a descriptor, a read returns with the first bytes, so that the host's time is
+    that of their arrival; elsewhere (Windows, rfc2217) it is accurate to _QUANTUM_S.
     """
 
     def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
@@ -88,7 +88,7 @@ class SerialPort(Port):
         super().set_baud(baud)
 
     def read(self) -> bytes:
-        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        """Return the bytes received; wait at most WAIT_S for the first one. Raises PortGoneError."""
         try:
             if self._descriptor is None:
                 return bytes(self._device.read(_READ_BYTES))
@@ -98,15 +98,15 @@ class SerialPort(Port):
         except BlockingIOError:
             return b""
         except (OSError, serial.SerialException, TypeError) as error:
-            # TypeError: pySerial's answer when its descriptor is closed by another thread.
+            # pySerial raises TypeError if another thread has closed its descriptor.
             raise PortGoneError(_reason(error)) from error
         self._empty = 0 if data else self._empty + 1
         if self._empty >= _EMPTY_READS:
-            raise PortGoneError("it was closed at the other end")
+            raise PortGoneError("the other end closed it")
         return data
 
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises PortGoneError."""
+        """Send all bytes. Raises PortGoneError."""
         try:
             self._device.write(data)
         except (OSError, serial.SerialException) as error:
@@ -124,15 +124,15 @@ RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0f44", MODE="0666"'
 
 
 class UsbPort(Port):
-    """The port `usb:VVVV:PPPP` (vendor and product), or `usb:` for the only tracker there is.
+    """The port `usb:VVVV:PPPP` (vendor and product), or `usb:` for the only tracker on USB.
 
-    Raises InputError where there is none, it wants its firmware, or it may not be opened.
+    Raises InputError if there is no such tracker, it needs its firmware, or it cannot be opened.
     """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         try:
-            usb = self._usb = importlib.import_module("usb1")  # whose read that times out has what came
+            usb = self._usb = importlib.import_module("usb1")  # its timeout error keeps the bytes received
             self._context = usb.USBContext()
             self._context.open()
         except (ImportError, OSError) as error:
@@ -145,8 +145,8 @@ class UsbPort(Port):
             self._handle.claimInterface(0)
         except usb.USBErrorAccess as error:
             raise InputError(
-                f"{name}: may not be opened by you; put {RULE} into /etc/udev/rules.d/99-polhemus.rules and "
-                "connect it anew"
+                f"{name}: you have no permission to open it; put {RULE} into "
+                "/etc/udev/rules.d/99-polhemus.rules and connect it again"
             ) from error
         except usb.USBErrorBusy as error:
             raise InputError(
@@ -154,7 +154,7 @@ class UsbPort(Port):
                 "(sudo modprobe -r usbserial)"
             ) from error
         except usb.USBError as error:
-            raise InputError(f"{name}: cannot be opened ({error}); connect it anew") from error
+            raise InputError(f"{name}: cannot be opened ({error}); connect it again") from error
 
     def _chosen(self, wanted: str) -> tuple[Any, tuple[int, int]]:
         """Return the device and its endpoints."""
@@ -165,18 +165,18 @@ class UsbPort(Port):
                 trackers.append((device, USB_TRACKERS[ids]))
         if len(trackers) != 1:
             raise InputError(
-                f"{self.name}: are {len(trackers)} trackers on USB; expected one; "
+                f"{self.name}: matches {len(trackers)} trackers on USB; expected one; "
                 "`shukotsu record --devices` lists them"
             )
         device, tracker = trackers[0]
         if tracker.endpoints is None:
             asleep = tracker.state == WANTS_FIRMWARE
-            why = f"{tracker.state}; {WITHOUT_FIRMWARE}" if asleep else "is not read this way"
+            why = f"{tracker.state}; {WITHOUT_FIRMWARE}" if asleep else "cannot be read directly over USB"
             raise InputError(f"{self.name}: a {tracker.name} {why}; see `shukotsu record --devices`")
         return device, tracker.endpoints
 
     def read(self) -> bytes:
-        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        """Return the bytes received; wait at most WAIT_S for the first one. Raises PortGoneError."""
         try:
             return bytes(self._handle.bulkRead(self._in, READ_BYTES, round(1000 * WAIT_S)))
         except self._usb.USBErrorTimeout as error:
@@ -185,12 +185,12 @@ class UsbPort(Port):
             raise PortGoneError(f"it was unplugged or switched off: {error}") from error
 
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises PortGoneError."""
+        """Send all bytes. Raises PortGoneError."""
         try:
             while data:
                 data = data[self._handle.bulkWrite(self._out, data, round(1000 * WRITE_S)) :]
         except self._usb.USBError as error:
-            raise PortGoneError(f"it takes nothing: {error}") from error
+            raise PortGoneError(f"it accepts no data: {error}") from error
 
     def close(self) -> None:
         """Close the port; errors are ignored."""
@@ -198,9 +198,9 @@ class UsbPort(Port):
 
 
 def open_port(name: str, baud: int) -> Port:
-    """Open a port for this program alone. baud : to set where the port is a serial device.
+    """Open a port for exclusive use; baud : rate of a serial device.
 
-    Raises InputError where there is no such port, it may not be opened, or another program has it.
+    Raises InputError if there is no such port, access is denied, or another program uses it.
     """
     if name.startswith("usb:"):
         return UsbPort(name)
@@ -209,7 +209,7 @@ def open_port(name: str, baud: int) -> Port:
         options |= {"exclusive": True, "write_timeout": 2.0}
     elif not re.fullmatch(r"(socket|rfc2217)://[^/]+:\d{1,5}([/?].*)?", name):
         kinds = "socket://HOST:PORT or rfc2217://HOST:PORT"
-        raise InputError(f"{name}: is no port of a network; expected {kinds}")
+        raise InputError(f"{name}: is not a network port; expected {kinds}")
     try:
         device = serial.serial_for_url(name, **options)
     except (OSError, serial.SerialException, ValueError) as error:
@@ -217,7 +217,7 @@ def open_port(name: str, baud: int) -> Port:
     if "://" in name:
         return SerialPort(name, device, None, None)
     path = str(Path(name).resolve())
-    # neither a terminal nor a tracker's own USB is a serial line, though a tty shows it
+    # a pseudo-terminal and a tracker's own USB appear as a tty, but have no serial line
     is_line = not path.startswith("/dev/pts/")
     is_line &= (path, POLHEMUS) not in [(port.device, port.vid) for port in list_ports.comports()]
     return SerialPort(name, device, baud, baud if is_line else None)
@@ -226,38 +226,38 @@ def open_port(name: str, baud: int) -> Port:
 def _why_not(name: str, error: Exception) -> str:
     number, text = getattr(error, "errno", None), str(error)
     if "exclusively lock" in text or number in (errno.EBUSY, errno.EAGAIN):
-        return "another program has it open, and two cannot share a tracker; end that one first"
+        return "another program has it open, and two cannot share a tracker; close that one first"
     if re.fullmatch(r"[\w.-]+:\d+", name):
         return f"no such port; for one on the network give --port socket://{name}"
     if number == errno.ENOENT or "No such file" in text:
-        return "no such port; `shukotsu record --devices` lists those there are"
+        return "no such port; `shukotsu record --devices` lists the ports"
     if number == errno.EACCES or "Permission denied" in text:
-        return "may not be opened by you; on most systems members of the group dialout may"
+        return "you have no permission to open it; on most systems members of the group dialout have"
     if "://" in name:
         return f"cannot be reached ({_reason(error)}){perhaps_taken(name) if 'refused' in text else ''}"
-    return f"is no port that can be opened ({_reason(error)})"
+    return f"cannot be opened as a port ({_reason(error)})"
 
 
 def perhaps_taken(name: str) -> str:
-    """Format why a connection to a network port may end at once: most serve one program at a time."""
+    """Return a possible cause if a network connection ends at once: most serve one program at a time."""
     return "; perhaps another program has it" if "://" in name else ""
 
 
 def _reason(error: Exception) -> str:
-    """Return the error's reason without the layers that pySerial puts around it."""
+    """Return the system's reason in an error, without pySerial's wording around it."""
     if isinstance(error, OSError) and not isinstance(error, serial.SerialException) and error.strerror:
         return error.strerror
     return re.sub(r".*\[Errno \d+\] ", "", str(error)) or type(error).__name__
 
 
 def serial_ports() -> list[PortEntry]:
-    """Return every serial port of this machine."""
+    """Return all serial ports of this machine."""
     ports = sorted(list_ports.comports())
     return [(port.device, port.vid, port.pid, port.description or "serial port") for port in ports]
 
 
 def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, int]]:
-    """Return vendor and product of every device on USB, as far as the system tells."""
+    """Return vendor and product of all USB devices that the system lists."""
     devices = []
     for vendor in sorted(root.glob("*/idVendor")):
         try:
@@ -269,7 +269,7 @@ def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, in
 
 
 def port_lines(ports: Sequence[PortEntry], usb: Sequence[tuple[int, int]]) -> list[str]:
-    """Return a list for people of serial ports, and of trackers on USB (vendor, product) without one."""
+    """Format serial ports, and trackers on USB (vendor, product) without a serial port, line by line."""
     lines = []
     for name, vendor, product, description in ports:
         tracker = USB_TRACKERS.get((vendor or 0, product or 0))
@@ -286,5 +286,5 @@ def port_lines(ports: Sequence[PortEntry], usb: Sequence[tuple[int, int]]) -> li
             lines += ["has no serial port yet. " + HINT.format(product=ids[1])]
         elif tracker.state == WANTS_FIRMWARE:
             lines += [WITHOUT_FIRMWARE]
-    nothing = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
-    return lines or nothing
+    no_device = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
+    return lines or no_device

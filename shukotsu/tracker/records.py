@@ -1,6 +1,6 @@
-"""Decoders: the settings that they need, the interface of all, and the pose records that come out.
+"""Interface of all decoders: the settings that they need and the pose records that they return.
 
-Pieces of any length go in; undecided bytes are kept for the next. No I/O.
+Decoders accept pieces of any length and keep bytes that cannot be decoded yet. No input or output.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shukotsu.tables.limits import RATES_HZ
 from shukotsu.tracker.families import check_family
 
 STATIONS = frozenset(range(256))
-"""Values of a station's byte; no tracker has as many stations."""
+"""Possible values of a station's byte; no tracker has this many stations."""
 MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
 
 
@@ -29,11 +29,11 @@ MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
 class StreamSettings:
     """Settings of a stream that its decoder needs.
 
-    family : a name in FAMILIES; mode : "binary"; unit : of positions in the stream.
-    rate_hz : frames a second (of each station). stations : those that were active at the start.
-    items : station -> output list, as LIBERTY and PATRIOT number their items; empty for others.
-    hemisphere : station -> vector of its half of space, (0, 0, 0) where the tracker follows the receiver.
-    options : for people: `whoami`, filters, errors.
+    family : a name in FAMILIES; mode : "binary"; unit : unit of positions in the stream.
+    rate_hz : frames per second (of each station). stations : stations that were active at the start.
+    items : station -> output list, by the item numbers of LIBERTY and PATRIOT; empty for other families.
+    hemisphere : station -> vector into its hemisphere, (0, 0, 0) if the tracker follows the receiver.
+    options : further information for the user: `whoami`, settings before and after set-up, warnings.
     """
 
     family: str
@@ -51,10 +51,10 @@ class StreamSettings:
 
 
 def settings_from_json(loaded: Any, where: str) -> StreamSettings:
-    """Read settings from what `to_json` gave. Raises InputError where they cannot be such."""
+    """Read settings from the output of `to_json`. Raises InputError if they are invalid."""
     try:
         if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
-            raise TypeError("a name is no text")
+            raise TypeError("a name is not text")
         settings = StreamSettings(
             loaded["family"],
             loaded["mode"],
@@ -72,12 +72,12 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
     vectors = [number for vector in settings.hemisphere.values() for number in vector]
     if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
         raise InputError(
-            f"{where}: the tracker's settings in it name stations or hemispheres that none has; copy it again"
+            f"{where}: the tracker's settings in it name impossible stations or hemispheres; copy it again"
         )
     possible = RATES_HZ[0] <= settings.rate_hz < 10_000
     if settings.mode != "binary" or settings.unit not in MM_PER_UNIT or not possible:
         raise InputError(
-            f"{where}: the tracker's settings in it are none that is known (family {settings.family!r}, "
+            f"{where}: the tracker's settings in it are not supported (family {settings.family!r}, "
             f"mode {settings.mode!r}, unit {settings.unit!r}, {settings.rate_hz} Hz)"
         )
     return settings
@@ -86,19 +86,19 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
 Bytes = npt.NDArray[np.uint8]
 
 NONE = -1
-"""Value of a whole number that the stream does not contain."""
+"""Value of an integer field that the stream does not contain."""
 
 
 @dataclass(frozen=True)
 class Records:
     """N pose records in the order of the bytes.
 
-    offset, size : (N,) first byte in the stream, counted from 0 at its start, and length in bytes.
+    offset, size : (N,) position of the first byte in the stream, from 0, and length in bytes.
     station : (N,) the tracker's station, from 1. frame, device_ms : (N,) counters as sent (not unwrapped).
-    position_mm : (N, 3); quaternion : (N, 4) w, x, y, z, as sent (not brought to length 1), receiver to
-    transmitter frame; NaN where the stream has none.
-    error : (N,) the code of the error letter, 0 for none. distortion, button, sync : (N,) as sent.
-    doubtful : (N,) framed as a record should be, but its numbers cannot be right.
+    position_mm : (N, 3); quaternion : (N, 4) w, x, y, z, as sent (not normalised), receiver to transmitter
+    frame; NaN if the stream does not contain it.
+    error : (N,) code of the error letter, 0 for none. distortion, button, sync : (N,) as sent.
+    doubtful : (N,) whether a correctly framed record has impossible numbers.
     """
 
     offset: Integers
@@ -118,12 +118,12 @@ class Records:
         return len(self.offset)
 
     def take(self, rows: Integers | Bools | slice) -> Records:
-        """Return some of the records."""
+        """Return the selected records."""
         return Records(*(getattr(self, part.name)[rows] for part in fields(self)))
 
 
 def empty_records(count: int = 0) -> Records:
-    """Return N records without values: numbers NaN, integers NONE, none doubtful."""
+    """Return N records without values: floats NaN, integers NONE, errors 0, none doubtful."""
     poses = {"position_mm": np.full((count, 3), np.nan), "quaternion": np.full((count, 4), np.nan)}
     zeros = {"error": np.zeros(count, np.int64), "doubtful": np.zeros(count, bool)}
     columns: dict[str, Any] = poses | zeros
@@ -131,7 +131,7 @@ def empty_records(count: int = 0) -> Records:
 
 
 def concatenate_records(parts: Sequence[Records]) -> Records:
-    """Return all records, one after the other."""
+    """Concatenate records."""
     if len(parts) < 2:
         return parts[0] if parts else empty_records()
     return Records(*(np.concatenate([getattr(p, part.name) for p in parts]) for part in fields(Records)))
@@ -147,9 +147,9 @@ class Skipped:
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer of the tracker that is no pose record.
+    """An answer of the tracker, which is not a pose record.
 
-    command : the command byte that it answers; error : the code of its error letter or number, 0 for none.
+    command : command byte that it answers; error : code of its error letter or number, 0 for none.
     """
 
     offset: int
@@ -161,7 +161,7 @@ class Reply:
 
 @dataclass(frozen=True)
 class Decoded:
-    """What one piece of a stream gave."""
+    """Records, skipped bytes and replies in one piece of a stream."""
 
     records: Records
     skipped: tuple[Skipped, ...] = ()
@@ -169,23 +169,23 @@ class Decoded:
 
 
 PIECE_BYTES = 1 << 18
-"""Longer pieces are decoded in parts, which bounds the memory of decoding."""
+"""Longer pieces are decoded in parts to limit memory."""
 
 
 class PiecewiseDecoder(ABC):
-    """Decodes a stream of bytes, piece by piece, into records; keeps bytes that cannot be decoded yet.
+    """Decoder of a stream of bytes, piece by piece, into records; keeps bytes that cannot be decoded yet.
 
-    The records, skips and replies in total do not depend on how the stream is cut. Decoding works on buffers
-    of at most PIECE_BYTES plus the rest of the one before.
+    All records, skips and replies together do not depend on how the stream is cut into pieces. Decoding works
+    on buffers of at most PIECE_BYTES plus the remaining bytes of the previous one.
     """
 
     def __init__(self, settings: StreamSettings) -> None:
         self._settings = settings
         self._rest = np.empty(0, np.uint8)
-        self._offset = 0  # of the rest's first byte in the stream
+        self._offset = 0  # position in the stream of the first byte of `_rest`
 
     def feed(self, data: bytes | Bytes, *, final: bool = False) -> Decoded:
-        """Decode the next piece; with `final` nothing follows and the rest is decoded too."""
+        """Decode the next piece; final : whether it is the last, so that no bytes are kept."""
         piece = data if isinstance(data, np.ndarray) else np.frombuffer(data, np.uint8)
         records: list[Records] = []
         skipped: list[Skipped] = []
@@ -205,21 +205,21 @@ class PiecewiseDecoder(ABC):
 
     @abstractmethod
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
-        """Decode `b`; return what is in it, offsets counted in b, and how many of its bytes are decided.
+        """Decode the buffer `b`; return its content, with offsets in b, and the number of decided bytes.
 
-        Bytes whose meaning could change with more bytes are kept, unless `final`.
+        Bytes whose meaning may still change with later bytes are undecided, unless `final`.
         """
 
 
 def rows_at(b: Bytes, at: Integers, size: int) -> Bytes:
-    """Return the bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
+    """Return the bytes of N equally long stretches, (N, size); a view if they are contiguous."""
     if len(at) > 1 and (np.diff(at) == size).all():
         return b[at[0] : at[-1] + size].reshape(-1, size)
     return np.lib.stride_tricks.sliding_window_view(b, size)[at]
 
 
 def gaps(first: Integers, last: Integers, length: int) -> tuple[Skipped, ...]:
-    """Return the stretches of 0..length that none of the ascending, disjoint stretches first..last covers."""
+    """Return the parts of [0, length) outside the ascending, disjoint intervals [first, last)."""
     pairs = zip([0, *last.tolist()], [*first.tolist(), length], strict=True)
     return tuple(Skipped(start, end - start) for start, end in pairs if end > start)
 
@@ -230,7 +230,7 @@ TRACKER_RANGE_MM = 3048.0
 
 
 def doubtful_poses(records: Records) -> Bools:
-    """Whether poses (N,) are impossible: not finite, not a unit quaternion, or beyond the tracker's range."""
+    """Return whether poses are impossible: not finite, not unit quaternions, or out of range, (N,)."""
     far_mm2 = np.einsum("ij,ij->i", records.position_mm, records.position_mm)
     norm2 = np.einsum("ij,ij->i", records.quaternion, records.quaternion)
     return np.asarray(~(far_mm2 <= TRACKER_RANGE_MM**2) | ~(np.abs(norm2 - 1) <= 2 * NORM_TOLERANCE))

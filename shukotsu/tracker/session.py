@@ -1,7 +1,7 @@
-"""A recording session: all bytes are archived; decoding is for the display only.
+"""A recording session: all bytes are archived; they are decoded only for the display.
 
-A thread reads and time-stamps; the loop stores the chunks a few times a second; once a second they are
-decoded and counted. Only the thread is time-critical.
+A thread reads and time-stamps chunks; the main loop stores them a few times per second, and decodes and
+counts them once per second. Only the thread is time-critical.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ DRIVERS = {"liberty": LibertyDriver, "patriot": LibertyDriver, "viper": ViperDri
 TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0
 LAST_BYTES_S, SILENCE_S, CLOCK_JUMP_S = 0.5, 0.3, 0.1
 MOST_WAITING_BYTES = 8 << 20
-"""When more bytes wait, they are stored and decoded at once, which bounds the memory."""
+"""Number of waiting bytes above which they are stored and decoded at once, to limit memory."""
 PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """What to record; duration_s None: until it is stopped. quiet : nothing is printed but notes."""
+    """What to record. duration_s : None to record until stopped. quiet : whether to print only notes."""
 
     out: Path
     request: RecordingRequest
@@ -48,7 +48,9 @@ class RecordingPlan:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a recording ended. failed : it ended before a stop was requested. totals : None before the first
+    """How a recording ended.
+
+    failed : whether it ended before a stop was requested. totals : counts; None if it ended before the first
     frame.
     """
 
@@ -66,9 +68,9 @@ def record(
     about: Mapping[str, Any],
     utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
 ) -> Ending:
-    """Record a tracker until the time is up, a stop is requested, or it cannot continue.
+    """Record a tracker until the time is up, a stop is requested, or recording cannot continue.
 
-    Raises InputError where nothing could be recorded; then there is no archive either.
+    Raises InputError if nothing could be recorded; then no archive is left.
     """
     archive = ArchiveWriter(plan.out, about, utc_offset_ns)
     conversation = Conversation(port, archive, lambda: bool(stop))
@@ -79,7 +81,7 @@ def record(
             settings = driver.set_up()
             display.check_line(settings, port.line_baud, port.name)
             archive.flush()
-        except BaseException as error:  # a recording without a frame leaves no file
+        except BaseException as error:  # without a frame, remove the archive
             archive.discard()
             if isinstance(error, StoppedError):
                 return Ending(stop.reason, False, None)
@@ -93,7 +95,7 @@ def record(
         session = _Session(plan, conversation, driver, settings, archive, printer, stop, utc_offset_ns)
         try:
             return session.run()
-        except BaseException as error:  # whatever ends the session, what was received is kept
+        except BaseException as error:  # keep what was received, whatever ended the session
             with suppress(Exception):
                 driver.stop()
             with suppress(Exception):
@@ -106,7 +108,7 @@ def record(
 
 @dataclass
 class _Session:
-    """The recording from its first frame to its last."""
+    """A recording from its first to its last frame."""
 
     _plan: RecordingPlan
     _conversation: Conversation
@@ -136,7 +138,7 @@ class _Session:
         self._totals = self._statistics.totals(self._start_ns)
 
     def run(self) -> Ending:
-        """Record; return how it ended."""
+        """Record until the end; return how it ended."""
         self._start()
         flush_at = time.perf_counter()
         look_at = flush_at + LOOK_S
@@ -148,7 +150,7 @@ class _Session:
                 self._offset_ns += round(clock_s * 1e9)
                 self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=clock_s)
                 self._notice(
-                    f"the host's clock was set by {clock_s:+.1f} s; times of frames are not concerned"
+                    f"the host's clock was set by {clock_s:+.1f} s; times of frames are not affected"
                 )
             now = time.perf_counter()
             if now >= flush_at:
@@ -175,7 +177,7 @@ class _Session:
             self._fail(PORT_GONE, str(error))
 
     def _over(self) -> bool:
-        """Whether to end; a failure is stored as the reason."""
+        """Return whether the recording is over; record a loss of the port as its failure."""
         duration_s, elapsed_ns = self._plan.duration_s, time.perf_counter_ns() - self._start_ns
         if duration_s is not None and elapsed_ns * 1e-9 >= duration_s:
             self._stop.ask(f"--duration {duration_s:g}")
@@ -195,7 +197,7 @@ class _Session:
             self._fail(DISK_FULL, error.strerror or str(error))
 
     def _keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Store the chunks received, note dropped bytes, and decode for the display."""
+        """Store the chunks received, pass them to the display's decoder, and note dropped bytes."""
         chunks = self._conversation.keep(wait_s)
         if not self._view_failed:
             for chunk in chunks:
@@ -206,13 +208,13 @@ class _Session:
             self._guarded(self._look)
         if dropped_bytes := self._conversation.dropped_bytes - self._dropped_bytes:
             if not self._dropped_bytes:
-                self._notice("bytes come faster than they can be kept; some are lost")
+                self._notice("bytes arrive faster than they can be stored; some are lost")
             self._dropped_bytes += dropped_bytes
             self._archive.event("bytes-dropped", time.perf_counter_ns(), bytes=dropped_bytes)
         return chunks
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Run a step of the display; an error is reported and ends the display, but no byte is lost."""
+        """Run a step of the display; an error is reported and ends the display, not the recording."""
         if self._view_failed:
             return
         try:
@@ -221,7 +223,7 @@ class _Session:
             self._view_failed = True
             reason = f"{type(error).__name__}: {error}"
             self._archive.event("view-failed", time.perf_counter_ns(), reason=reason)
-            self._notice(f"the view has failed ({reason}); every byte is still recorded")
+            self._notice(f"the display has failed ({reason}); every byte is still recorded")
 
     def _look(self) -> None:
         """Count the records since the last call and print the state."""
@@ -269,7 +271,9 @@ class _Session:
         totals = self._statistics.totals(end_ns)
         self._notices += display.advice(totals, self._settings)
         if self._dropped_bytes:
-            self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
+            self._notices.append(
+                f"{self._dropped_bytes} bytes arrived faster than they could be stored; lost"
+            )
         reason = self._failure or self._stop.reason
         ending = {"reason": reason, "notices": self._notices, **totals}
         try:
@@ -281,7 +285,7 @@ class _Session:
         return Ending(reason, bool(self._failure), totals, tuple(self._notices))
 
     def _keep_last(self) -> None:
-        """Store bytes until the tracker is silent, at most for LAST_BYTES_S."""
+        """Store bytes until the tracker is silent, for at most LAST_BYTES_S."""
         heard = start = now = time.perf_counter()
         dropped = self._conversation.dropped_bytes
         while now - start < LAST_BYTES_S and now - heard < SILENCE_S:
@@ -299,9 +303,9 @@ VALUE_NAMES = {"units": {0: "inch", 1: "cm"}, "rate": {3: "120 Hz", 4: "240 Hz"}
 
 
 def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[str]:
-    """Set a tracker up as for a recording; yield its answers and what it sends, line by line.
+    """Set up a tracker as for a recording, without recording; yield its answers and counts, line by line.
 
-    Raises InputError where it does not answer as it must.
+    Raises InputError if it does not answer as expected.
     """
     conversation = Conversation(port, stopped=lambda: bool(stop))
     try:
@@ -321,7 +325,7 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
             driver.stop()
         totals = statistics.totals(time.perf_counter_ns())
         if not totals["records"]:
-            raise InputError(f"{port.name}: the tracker was told to stream, and no record has come")
+            raise InputError(f"{port.name}: the tracker was told to stream, but sent no record")
         notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
         yield from ["", *display.totals_table(totals), *notes]
     except PortGoneError as error:
@@ -333,11 +337,11 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
 
 
 def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None) -> list[str]:
-    """Return the tracker's answers; how full the line is, and what fits where it is too slow."""
+    """Return the tracker's answers, the load of the line, and what would fit if it is too slow."""
     before, after = settings.options.get("before", {}), settings.options.get("after", {})
     names = [name for name in after if name != "stations"]
     need = display.needed_bytes_per_s(settings)
-    lines = [f"line        needs {need / 1000:.1f} kB/s; the port's own rate is not known"]
+    lines = [f"line        needs {need / 1000:.1f} kB/s; the port's rate is unknown"]
     if baud is not None:
         carried = baud / display.BITS_PER_BYTE
         lines = [f"line        {display.arithmetic(settings, baud)}: {100 * need / carried:.0f} %"]
@@ -352,7 +356,7 @@ def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None
 
 
 def _setting(name: str, before: Any, after: Any, stations: tuple[int, ...]) -> str:
-    """Format a setting, as it was and as it is; of each receiver where these differ."""
+    """Format a setting before and after set-up; by receiver if receivers differ."""
     changes = {}
     if isinstance(after, Mapping):
         earlier = before if isinstance(before, Mapping) else {}
@@ -369,5 +373,5 @@ def _change(name: str, before: Any, after: Any) -> str:
         if isinstance(value, tuple):
             texts.append(" ".join(f"{part:g}" for part in value) if any(value) else "0 0 0")
         else:
-            texts.append(str("not said" if value is None else VALUE_NAMES.get(name, {}).get(value, value)))
+            texts.append(str("no answer" if value is None else VALUE_NAMES.get(name, {}).get(value, value)))
     return texts[1] if before == after else " -> ".join(texts)

@@ -1,4 +1,4 @@
-"""An archive as blocks of records with unwrapped counters and arrival times; counting of lost records."""
+"""Read an archive as blocks of records with unwrapped counters and arrival times, and count lost records."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from shukotsu.tracker.records import (
 from shukotsu.tracker.viper_decoder import ViperDecoder
 
 LONGEST_GAP_S = 86_400.0
-"""A counter or clock that jumps by more than a day was reset."""
+"""Largest jump of a counter or clock; a larger one means that it was reset."""
 BLOCK_BYTES = 4 << 20
 DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDecoder}
 
 
 @dataclass(frozen=True)
 class RecordBlock:
-    """Records of one stretch of the stream.
+    """Records of one section of the stream.
 
-    records : offsets count from the first byte that came after the settings; frames are unwrapped.
-    host_ns : (N,) when the record's last byte had come.
-    out_of_order : (N,) its station or frame does not fit between its neighbours'.
+    records : offsets count from the first byte after the settings; frames are unwrapped.
+    host_ns : (N,) host time at which the record's last byte had arrived.
+    out_of_order : (N,) whether its station or frame does not fit between its neighbours'.
     """
 
     settings: StreamSettings
@@ -52,15 +52,15 @@ class RecordBlock:
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
-        """Whether a record's frame, station and numbers can be right, shape (N,)."""
+        """Whether each record's frame, station and numbers are plausible, (N,)."""
         return np.asarray(~(self.records.doubtful | self.out_of_order))
 
 
 @dataclass
 class Tally:
-    """What an archive holds beside records; filled while its blocks are read.
+    """Other content of an archive than records; filled while its blocks are read.
 
-    started_ns, ended_ns : when the stream was started and stopped, by the host's clock.
+    started_ns, ended_ns : start and end of the stream by the host's clock.
     """
 
     events: list[Mapping[str, Any]] = field(default_factory=list)
@@ -76,9 +76,9 @@ class Tally:
 
 
 class PieceReader:
-    """Reads the rows of an archive in turn: what came after the settings is decoded, the rest is tallied.
+    """Reader of an archive's rows: bytes received after the settings are decoded, other rows are tallied.
 
-    decoder : None before the settings. Raises InputError where these stand twice, or cannot be read.
+    decoder : None before the settings. Raises InputError if the settings occur twice or cannot be read.
     """
 
     def __init__(self, path: Path, tally: Tally) -> None:
@@ -86,7 +86,7 @@ class PieceReader:
         self.decoder: ChunkDecoder | None = None
 
     def add(self, piece: Piece) -> None:
-        """Take the next piece."""
+        """Process the next piece."""
         tally = self.tally
         tally.spoilt_bytes += piece.spoilt_bytes
         tally.unreadable_bytes += piece.unreadable_bytes
@@ -100,7 +100,7 @@ class PieceReader:
             if kind == SETTINGS:
                 if self.decoder is not None:
                     raise InputError(
-                        f"{self.path}: holds the tracker's settings twice; expected one recording"
+                        f"{self.path}: contains the tracker's settings twice; expected one recording"
                     )
                 self.decoder = ChunkDecoder(settings_from_json(self._entry(data), str(self.path)))
                 tally.started_ns = host_ns
@@ -119,21 +119,20 @@ class PieceReader:
                     self.decoder.add(data, host_ns)
 
     def _entry(self, data: bytes) -> dict[str, Any]:
-        """Read an entry of the recorder; InputError where it is no JSON object."""
+        """Parse an entry of the recorder. Raises InputError if it is not a JSON object."""
         try:
             loaded = json.loads(data)
         except (ValueError, RecursionError) as error:
-            raise InputError(f"{self.path}: an entry of the recorder in it is no JSON ({error})") from error
+            raise InputError(f"{self.path}: an entry of the recorder in it is not JSON ({error})") from error
         if not isinstance(loaded, dict):
             raise InputError(f"{self.path}: an entry of the recorder in it is {loaded!r}; expected an object")
         return loaded
 
 
 def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[RecordBlock]:
-    """Decode an archive block by block; `tally` is filled on the way.
+    """Decode an archive block by block, and fill `tally`.
 
-    Raises InputError where the archive has no settings before its records, has them twice, or has ones that
-    cannot be read.
+    Raises InputError if the archive has no settings, has them twice, or has settings that cannot be read.
     """
     reader = PieceReader(archive.path, tally)
     for piece in archive.pieces():
@@ -142,13 +141,13 @@ def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) ->
             yield reader.decoder.decode(final=False)
     if reader.decoder is None:
         raise InputError(
-            f"{archive.path}: ends before the tracker was set up, so it holds no pose; record again"
+            f"{archive.path}: ends before the tracker was set up, so it has no poses; record again"
         )
     yield reader.decoder.decode(final=True)
 
 
 class ChunkDecoder:
-    """Decodes the chunks of bytes that came after the settings."""
+    """Decoder of the chunks of bytes received after the settings."""
 
     def __init__(self, settings: StreamSettings) -> None:
         self.settings = settings
@@ -161,7 +160,7 @@ class ChunkDecoder:
         self._arrivals: list[int] = []
 
     def add(self, data: bytes, host_ns: int) -> None:
-        """Add a chunk and the host's time [ns] of its arrival."""
+        """Add a chunk; host_ns : the host's time of its arrival."""
         self._waiting.append(data)
         self.waiting_bytes += len(data)
         self._length += len(data)
@@ -169,7 +168,7 @@ class ChunkDecoder:
         self._arrivals.append(host_ns)
 
     def decode(self, *, final: bool) -> RecordBlock:
-        """Decode the waiting chunks; with `final` none follow and the rest is decoded too."""
+        """Decode the waiting chunks; final : whether they are the last, so that no bytes are kept."""
         decoded = self._decoder.feed(b"".join(self._waiting), final=final)
         self._waiting, self.waiting_bytes = [], 0
         records = decoded.records
@@ -186,9 +185,7 @@ class ChunkDecoder:
 
 
 class Counter:
-    """Assigns frame numbers to the records of one stream, piece by piece; holds back those that need later
-    records.
-    """
+    """Assigns frame numbers to a stream's records, piece by piece; the last two wait for later records."""
 
     def __init__(self, settings: StreamSettings) -> None:
         self._settings = settings
@@ -198,12 +195,10 @@ class Counter:
         self._limit = int(LONGEST_GAP_S * settings.rate_hz)
         self._held = empty_records()
         self._held_host_ns = np.empty(0, np.int64)
-        self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good one
+        self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good record
 
     def number(self, records: Records, host_ns: Integers, *, final: bool) -> tuple[Records, Integers, Bools]:
-        """Return the records that can be numbered, their arrival times, and which contradict their
-        neighbours.
-        """
+        """Return the records that can be numbered, their arrival times, and which contradict neighbours."""
         records = concatenate_records([self._held, records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
         odd = np.zeros(len(records), bool)
@@ -213,13 +208,13 @@ class Counter:
         return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
 
     def _counted(self, records: Records, odd: Bools, count: int) -> Integers:
-        """Unwrap the tracker's counter, of frames or of its clock; mark records that do not fit as odd.
+        """Unwrap the tracker's frame counter, or else its clock; mark records that do not fit in `odd`.
 
-        count : of the first records, those that are decided.
+        count : number of records, from the first, that can be decided.
         """
         counter = records.frame & 0xFFFFFFFF
         if not (records.frame != NONE).any():
-            # Its clock is floor(frame * 1000 / rate) [ms], so the frame is the next whole one.
+            # The clock is floor(frame * 1000 / rate) in ms, so the frame is found by rounding up.
             ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
             counter = ticks.astype(np.int64) & 0xFFFFFFFF
         station, earlier = records.station, int(self._last is not None)
@@ -234,15 +229,16 @@ class Counter:
             frame[good] = (frame[0] if earlier else counter[good[0]]) + np.cumsum(step)
             last = good[-1]
             self._last = (int(counter[last]), int(frame[last]), int(station[last]))
-        # A damaged counter is replaced by that of the record before as a placeholder.
+        # Records with a damaged counter get the frame of the previous record as a placeholder.
         return np.asarray(np.maximum.accumulate(frame)[earlier:])
 
     def _misfits(self, counter: Integers, station: Integers, earlier: int) -> Bools:
         """Return which records do not fit between their neighbours, (N,); the first `earlier` are good.
 
-        Where a record cannot follow the one before, that of the two is wrong without which all fit. Where all
-        fit without either, the first is right if it was due; where without neither, the tracker counts anew.
-        The good one before a record and the two behind it decide, and nothing else.
+        If a record cannot follow the previous one, one of the two is wrong: the one without which the others
+        fit. If the others fit without either of them, the first one is kept if it was due; if removing one
+        does not help, the counter restarted and both are kept. The decision uses only the last good record
+        before the two and the next record after each.
         """
         wrong, before, end = np.zeros(len(counter), bool), -1, len(counter) - 1
         breaks = np.flatnonzero(~self._follows(counter, station, np.arange(end), np.arange(end) + 1))
@@ -265,13 +261,13 @@ class Counter:
     def _follows(
         self, counter: Integers, station: Integers, first: Integers | int, second: Integers | int
     ) -> Bools:
-        """Whether records can come after others: of a later frame, or a later station of the same."""
+        """Return whether records can follow others: in a later frame, or a later station of the same one."""
         step = _signed_difference(counter[second] - counter[first])
         later = (step > 0) | ((step == 0) & (station[second] > station[first]))
         return np.asarray(later & (step <= self._limit))
 
     def _was_due(self, counter: Integers, station: Integers, before: int, row: int) -> bool:
-        """Whether a record is the very next after another (-1: the first of a frame), none left out."""
+        """Return whether record `row` is the next one expected after `before` (-1: the first of a frame)."""
         passed = int(self._rank[station[row]])
         if before >= 0:
             frames = _signed_difference(counter[row] - counter[before])
@@ -280,22 +276,22 @@ class Counter:
 
 
 def _signed_difference(difference: Integers) -> Integers:
-    """Return signed differences of 32-bit counters, modulo 2^32."""
+    """Return differences of 32-bit counters modulo 2^32, as signed numbers."""
     return (difference + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
 
 ABSENT_S = 1.0
-"""A receiver that is silent for longer while others send was unplugged (detection takes about a second)."""
+"""Silence of a receiver, while others send, after which it counts as unplugged, not as losing records."""
 JITTER_S = 0.1
-"""Arrivals may be this far apart without loss."""
+"""Largest interval between arrivals without loss."""
 STOP_FRAMES = 2
-"""A stop cuts the current cycle; some trackers then send a last frame up to this many frames later."""
+"""Number of frames by which some trackers' last frame follows the cycle that a stop cut short."""
 NOTHING, NO_ROWS = np.empty(0, np.int64), np.empty((3, 0), np.int64)
 
 
 @dataclass
 class Heard:
-    """One receiver so far, or all: its newest record and in which cycle; its good and its lost records."""
+    """Counts of good and lost records of one receiver or of all, and the newest record's frame and cycle."""
 
     frame: int
     cycle: int
@@ -305,11 +301,12 @@ class Heard:
 
 
 class Losses:
-    """Counts a stream's good records and what lies between them, however it is cut into pieces.
+    """Counts of good and lost records of a stream, independent of how it is cut into pieces.
 
-    Frames are lost of which nothing came, from the first to the last one that did. A record is lost where its
-    receiver lacks frames; but where others have ABSENT_S of these, it was absent. A cycle is partial that
-    lacks a lost record. The newest cycle waits for the next one.
+    A frame between the first and the last is lost if no receiver has a record of it. A record is lost if its
+    receiver lacks the frame, unless the receiver is absent: it lacks all cycles of the others for ABSENT_S or
+    longer. A cycle is partial if a record of it is lost. The newest cycle is counted when the next one
+    begins.
     """
 
     def __init__(self, settings: StreamSettings) -> None:
@@ -319,41 +316,41 @@ class Losses:
         self._limit = max(1, round(ABSENT_S * settings.rate_hz))
         self._newest = NO_ROWS
         self._recent = NOTHING  # frames of the last cycles, which may still turn out to be partial
-        self._lacking = np.empty(0, bool)  # those already known to be partial
+        self._lacking = np.empty(0, bool)  # which of them are already known to be partial
         self._partial_cycles = 0
 
     @property
     def partial_cycles(self) -> int:
-        """Return how many cycles lack a lost record."""
+        """Number of cycles with a lost record."""
         return self._partial_cycles + int(np.count_nonzero(self._lacking))
 
     def closed(self) -> tuple[Losses, Integers, Integers]:
-        """Return the count if nothing follows, and what that finds (see `add`)."""
+        """Return the counts as if the stream ended here, with the gaps and partial frames that this adds."""
         losses = deepcopy(self)
         return losses, *losses._add(NO_ROWS, final=True)
 
     def silent_ends_s(self, start_ns: int, end_ns: int) -> tuple[float, float]:
-        """Return how long [s] nothing came after the start and before the end; 0: less than ABSENT_S."""
+        """Return the silence after the start and before the end in s; 0 if shorter than ABSENT_S."""
         first_ns, last_ns = (self.first_ns, self.all.host_ns) if self.cycles else (end_ns, end_ns)
         before_s, after_s = (first_ns - start_ns) * 1e-9, (end_ns - last_ns) * 1e-9
-        return before_s * (before_s > ABSENT_S), after_s * (after_s > ABSENT_S)
+        return before_s if before_s > ABSENT_S else 0.0, after_s if after_s > ABSENT_S else 0.0
 
     @property
     def newest_frame(self) -> int:
-        """Return the newest good frame; 0 where there is none."""
+        """Newest frame with a good record; 0 without records."""
         return int(self._newest[0, -1]) if self._newest.size else 0
 
     def add(self, block: RecordBlock) -> tuple[Integers, Integers]:
-        """Count a block's good records.
+        """Count a block's good records; return the gaps that have ended, and new partial frames.
 
-        Return the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
-        good record of it, when [ns] those around had come, whether it was absent; and the partial frames.
+        Columns of the gaps, (G, 6): station (0: no station has records), first and last frame without a good
+        record, arrival times in ns of the records before and after, whether the station was absent.
         """
         rows = np.stack([block.records.frame, block.records.station, block.host_ns])
         return self._add(rows[:, block.good], final=False)
 
     def _add(self, rows: Integers, *, final: bool) -> tuple[Integers, Integers]:
-        """Count records in turn, (3, N); `final` says that none follow."""
+        """Count records (frame, station, host_ns), (3, N); final : whether none follow."""
         rows = np.concatenate([self._newest, rows], 1)
         newest = int(np.searchsorted(rows[0], rows[0, -1])) if rows.shape[1] else 0
         taken = rows.shape[1] if final else newest
@@ -384,7 +381,7 @@ class Losses:
         return np.concatenate(gaps), partial
 
     def _gaps(self, station: int, heard: Heard, rows: Integers, end: Integers = NO_ROWS) -> Integers:
-        """Return the gaps of a station up to its records and the end; count what came and what is lost."""
+        """Count a station's good and lost records; return its gaps up to these records and the end."""
         count = rows.shape[1]
         heard.records += count
         frame, _, host_ns = np.concatenate([[[heard.frame], [0], [heard.host_ns]], rows, end], 1)

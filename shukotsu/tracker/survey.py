@@ -1,8 +1,8 @@
-"""An archive in two passes: losses, doubtful records and the clock; then records with times and flags.
+"""Read an archive in two passes: first losses, doubtful records and clock, then records with times and flags.
 
-All flags follow from the first pass and therefore do not depend on block boundaries. Device time: the frame
-counter is the clock, and the host's clock is fitted to it. Bytes arrive late and never early, so the fitted
-line is the one below all arrivals with the least mean distance, an edge of their convex hull.
+All flags follow from the first pass and therefore do not depend on block boundaries. Device time is the frame
+counter times a period that is fitted to the host's clock. Bytes may arrive late but never early, so the
+fitted line is the one below all arrivals with the smallest mean distance: an edge of their convex hull.
 """
 
 from __future__ import annotations
@@ -23,19 +23,20 @@ from shukotsu.tracker.records import Records, StreamSettings
 from shukotsu.tracker.stream import JITTER_S, Losses, RecordBlock, Tally, blocks_of
 
 SHORTEST_FIT_S = 30.0
-"""Below this, the scatter of delays exceeds the typical error of a crystal (about 1e-4) in the slope."""
+"""Shortest recording whose period is fitted: in a shorter one, scattered delays affect the slope more than
+the typical error of a crystal (about 1e-4)."""
 LARGEST_DRIFT = 2e-3
-"""A device whose rate is farther from the nominal one than this does not run at that rate."""
+"""Largest relative deviation from the nominal rate; beyond it, the device runs at another rate."""
 FLAGS = {
-    "doubtful": "framed as a record should be, but its numbers cannot be right",
+    "doubtful": "the record is framed correctly, but its numbers are impossible",
     "out-of-order": "its frame or station does not fit between its neighbours'",
-    "device-error": "the tracker's error letter says that the pose is wrong (a to g, A to G)",
-    "device-warning": "its error letter is another one (I: self-test errors, u: unmapped place)",
-    "distorted": "the tracker saw its field distorted by metal",
+    "device-error": "the tracker's error letter means that the pose is wrong (a to g, A to G)",
+    "device-warning": "another error letter (I: self-test errors, u: outside the mapped area)",
+    "distorted": "the tracker reported that metal distorts its field",
 }
-"""What a record's flags say; bit i of the number stands for the i-th."""
+"""Meaning of a record's flags; bit i is the i-th flag."""
 MOST_KEPT = 8
-"""Blocks of records, 50 MB: a longer archive is decoded again rather than kept."""
+"""Number of blocks of records, 50 MB, up to which they are kept; longer archives are decoded again."""
 BIT = {flag: np.uint16(1 << bit) for bit, flag in enumerate(FLAGS)}
 
 UNUSABLE = ("doubtful", "out-of-order")
@@ -45,10 +46,11 @@ SOURCE_FAILURES = b"abcdefgABCDEFG"
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """time_s = (frame - first_frame) * period_s; the host's clock showed host_ns at 0.
+    """Device time: time_s = (frame - first_frame) * period_s.
 
-    fitted : whether period_s was fitted to the host's clock, or is the nominal one.
-    measured_rate_hz : frames a second by the host's clock, NaN where the recording is too short to tell.
+    host_ns : the host's clock at time_s = 0. fitted : whether period_s was fitted to the host's clock; else
+    it is nominal. measured_rate_hz : frames per second by the host's clock, NaN if the recording is too
+    short.
     """
 
     first_frame: int
@@ -58,14 +60,30 @@ class DeviceClock:
     measured_rate_hz: float
 
     def time_s(self, frame: Integers) -> Array:
-        """Device time of frames, (N,) in and out, s from the first frame."""
+        """Return the device time of frames (N,) in s from the first frame, (N,)."""
         return np.asarray((frame - self.first_frame) * self.period_s)
 
 
 def fit_clock(frame: Integers, host_ns: Integers, rate_hz: float, first_frame: int) -> DeviceClock:
-    """Fit the host's clock to the frame counter; time starts at `first_frame`.
+    """Fit the frame counter's period to the host's clock.
 
-    frame, host_ns : (N,) of arrivals, frames not falling; at least one.
+    Parameters
+    ----------
+    frame : array, shape (N,)
+        Frames of arrivals, not decreasing; at least one.
+    host_ns : array, shape (N,)
+        The host's times of arrivals.
+    rate_hz : float
+        Nominal rate.
+    first_frame : int
+        Frame at which device time is 0.
+
+    Returns
+    -------
+    DeviceClock
+        With the nominal period if the recording is shorter than SHORTEST_FIT_S or drifts by more than
+        LARGEST_DRIFT.
+
     """
     host_first = int(host_ns[0])
     x, y = (frame - first_frame) / rate_hz, (host_ns - host_first).astype(float) * 1e-9
@@ -80,10 +98,10 @@ def fit_clock(frame: Integers, host_ns: Integers, rate_hz: float, first_frame: i
 
 
 def _slope_below(x: Array, y: Array) -> float:
-    """Return the slope of the line below all points with the least mean distance, x ascending, (N,) each."""
+    """Return the slope of the line below all points (x, y) with the smallest mean distance; x ascending."""
     hull: list[int] = []
     late = y - x
-    second = np.floor(x).astype(np.int64)  # only the earliest arrival of each can lie on the hull
+    second = np.floor(x).astype(np.int64)  # to save time, only the earliest arrival of each second is used
     edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1)).tolist()
     for start, stop in itertools.pairwise([*edges, len(x)]):
         point = int(start + np.argmin(late[start:stop]))
@@ -100,14 +118,14 @@ def _slope_below(x: Array, y: Array) -> float:
 
 @dataclass
 class Sightings:
-    """Records of one kind: how many of each station, and the first and last frame in which one stood."""
+    """Records of one kind: their number by station, and the first and last frame with one."""
 
     records: Count[int] = field(default_factory=Count)
     first: int = 0
     last: int = 0
 
     def add(self, records: Records, which: Bools) -> None:
-        """Count some of the records, of which frames do not fall."""
+        """Count the records selected by `which` (N,); frames must not decrease."""
         frame = records.frame[which]
         if len(frame):
             self.first = self.first if self.records else int(frame[0])
@@ -117,13 +135,13 @@ class Sightings:
 
 @dataclass
 class Survey:
-    """What is in an archive.
+    """Summary of an archive.
 
-    losses : the count of good records and of what lies between them. clock : None where there is no record.
-    gaps : (G, 4) station, first and last frame that have no good record of it (station 0: of none at all),
-    whether the receiver was absent. partial_frames : ascending, that lack a lost record while others are
-    there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the records that
-    are so; errors : letter -> the good records with it. blocks : as decoded, of a short archive.
+    losses : counts of good and lost records. clock : None without records. gaps : (G, 4) station (0: no
+    station has records), first and last frame without a good record, whether the receiver was absent.
+    partial_frames : frames, ascending, that lack some receivers' records. skipped : (byte offset, number of
+    bytes, frame before). doubtful, out_of_order, distorted : such records; errors : error letter -> good
+    records with it. blocks : decoded blocks of a short archive.
     """
 
     settings: StreamSettings
@@ -145,12 +163,12 @@ class Survey:
         return {station: heard.records for station, heard in sorted(self.losses.stations.items())}
 
     def add(self, block: RecordBlock) -> Integers:
-        """Count what a block has beside losses; return frames and times [ns] of arrivals, (2, N)."""
+        """Count a block's faults other than losses; return frames and host times (ns) of arrivals, (2, N)."""
         records, good = block.records, block.good
         for skip in block.skipped:
             row = int(np.searchsorted(records.offset, skip.offset)) - 1
             frame = int(records.frame[row]) if row >= 0 else self.losses.newest_frame
-            if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # one stretch, cut by blocks
+            if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # continues across two blocks
                 offset, size, frame = self.skipped.pop()
                 self.skipped.append((offset, size + skip.size, frame))
             else:
@@ -167,7 +185,7 @@ class Survey:
 
 
 def survey_archive(archive: Archive) -> Survey:
-    """Read the whole archive once. Raises InputError where it holds no settings."""
+    """Read the whole archive once. Raises InputError if it has no settings."""
     tally, survey = Tally(), None
     lacking: list[tuple[Integers, Integers]] = []
     arrivals: list[Integers] = []
@@ -188,7 +206,7 @@ def survey_archive(archive: Archive) -> Survey:
 
 @dataclass(frozen=True)
 class FlaggedRecords:
-    """Records of a block: time_s (N,) device time, flags (N,) bits as in FLAGS, host_ns (N,) of arrival."""
+    """Records of a block with device time (N,), arrival times (N,) and flags (N,), bits as in FLAGS."""
 
     records: Records
     time_s: Array
@@ -196,13 +214,13 @@ class FlaggedRecords:
     flags: npt.NDArray[np.uint16]
 
     def flagged(self, *names: str) -> Bools:
-        """Whether a record has any of the flags, shape (N,)."""
+        """Return whether each record has any of the flags, (N,)."""
         mask = np.bitwise_or.reduce([BIT[name] for name in names])
         return np.asarray((self.flags & mask) != 0)
 
 
 def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords]:
-    """Yield the archive's records with what the survey found; blocks without a record are left out."""
+    """Yield the archive's records with times and flags by the survey; blocks without records are left out."""
     if survey.clock is None:
         return
     for block in survey.blocks or blocks_of(archive, Tally()):
@@ -223,7 +241,7 @@ NAMED_PLACES, CLOCK_JUMP_S = 3, 0.1
 
 
 def findings(survey: Survey) -> list[str]:
-    """Return a sentence for each fault; none for a faultless recording."""
+    """Return a sentence for each fault of a recording."""
     return [*_lost(survey), *_damage(survey)]
 
 
@@ -240,15 +258,15 @@ def _lost(survey: Survey) -> Iterator[str]:
         yield "the tracker sent no pose record"
     if tally.unreadable_bytes:
         yield (
-            f"{tally.unreadable_bytes} bytes of the file are no whole entry and were left out "
+            f"{tally.unreadable_bytes} bytes of the file are not complete entries and were left out "
             "(the recorder was killed or the file was cut off or damaged)"
         )
     if tally.spoilt_bytes:
-        yield f"{tally.spoilt_bytes} bytes do not have their checksum (the file was damaged); left out"
+        yield f"{tally.spoilt_bytes} bytes have a wrong checksum (the file was damaged); left out"
     if tally.missing_rows:
         yield f"{tally.missing_rows} entries of the recorder are missing (the file was damaged)"
     if tally.summary is None:
-        yield "the recording was not ended by the recorder, so up to its last second may be missing"
+        yield "the recording was not closed by the recorder, so up to its last second may be missing"
     whole, losses = survey.gaps[survey.gaps[:, 0] == 0], survey.losses
     frames = losses.all.frame - losses.first_frame + 1
     if len(whole):
@@ -275,9 +293,7 @@ def _lost(survey: Survey) -> Iterator[str]:
 
 
 def _damage(survey: Survey) -> Iterator[str]:
-    """Describe undecodable bytes, impossible records, errors reported by the tracker, and clocks that
-    deviate.
-    """
+    """Describe undecodable bytes, impossible records, the tracker's own errors, and clock deviations."""
     if survey.skipped:
         _, sizes, frames = np.array(survey.skipped).T
         yield (
@@ -285,8 +301,8 @@ def _damage(survey: Survey) -> Iterator[str]:
             f"(at {_places(survey, frames)})"
         )
     for sightings, what in (
-        (survey.doubtful, "hold numbers that cannot be right"),
-        (survey.out_of_order, "have a frame or receiver that fits no neighbour"),
+        (survey.doubtful, "have impossible numbers"),
+        (survey.out_of_order, "have a frame or receiver that does not fit their neighbours"),
     ):
         if sightings.records.total():
             yield f"{sightings.records.total()} records {what} ({_seen_text(survey, sightings)}); not used"
@@ -301,7 +317,7 @@ def _damage(survey: Survey) -> Iterator[str]:
         worst, count = metal.records.most_common(1)[0]
         share = 100 * count / max(1, survey.records.get(worst, 0))
         yield (
-            f"the tracker saw its field distorted by metal ({_seen_text(survey, metal)}; "
+            f"the tracker reported that metal distorts its field ({_seen_text(survey, metal)}; "
             f"receiver {worst} in {share:.1f} % of its records)"
         )
     clock = survey.clock
@@ -312,7 +328,7 @@ def _damage(survey: Survey) -> Iterator[str]:
         )
     moved_s = survey.tally.utc_offset_range_ns * 1e-9
     if moved_s > CLOCK_JUMP_S:
-        yield f"the host's calendar clock was moved by {moved_s:.2f} s meanwhile; device time is not touched"
+        yield f"the host's clock was set by {moved_s:.2f} s during the recording; device time is not affected"
 
 
 def _seen_text(survey: Survey, sightings: Sightings) -> str:
@@ -324,7 +340,7 @@ def _seen_text(survey: Survey, sightings: Sightings) -> str:
 
 
 def _places(survey: Survey, frames: Integers, counts: Integers | None = None) -> str:
-    """Format the longest places in turn, and how long they are beyond jitter; counts : frames of each."""
+    """Format the longest gaps in order, with their duration if above jitter; counts : frames in each."""
     seconds = np.zeros(len(frames)) if counts is None else counts / survey.settings.rate_hz
     named = [
         _at(survey, frames[row]) + (f" for {seconds[row]:.2f} s" if seconds[row] > JITTER_S else "")
@@ -335,10 +351,10 @@ def _places(survey: Survey, frames: Integers, counts: Integers | None = None) ->
 
 
 def describe(path: Path) -> list[str]:
-    """Return what is in a raw capture, a line each. Raises InputError where it is none."""
+    """Describe a raw capture, line by line. Raises InputError if it is not a raw capture."""
     archive = open_archive(path)
     survey = survey_archive(archive)
-    lines = [f"a raw capture of this project, {survey.tally.received_bytes} bytes of the tracker"]
+    lines = [f"a raw capture of this project, {survey.tally.received_bytes} bytes from the tracker"]
     lines += [f"{key}: {value}" for key, value in archive.about.items()]
     settings = survey.settings
     items = next(iter(settings.items.values()), ())

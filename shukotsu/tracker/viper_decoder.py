@@ -1,8 +1,8 @@
-"""Polhemus VIPER: frames of all sensors at once, with a checksum; and the frames of commands.
+"""Protocol of the Polhemus VIPER: pose frames with all sensors, and command frames, both with a checksum.
 
-A frame is a preamble, the count of the bytes that follow, a body and a CRC field whose low 16 bits are the
-CRC-16/ARC of all before it; all little-endian. Source: Polhemus VIPER interface header; VIPER User Manual
-URM18PH392.
+A frame consists of a preamble, the number of bytes that follow, a body, and a CRC field whose low 16 bits are
+the CRC-16/ARC of everything before it; all little-endian. Source: Polhemus VIPER interface header; VIPER User
+Manual URM18PH392.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
 LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
 SENSORS = 16
 MAX_FRAME_BYTES = 4096
-"""Longer than any reply; a larger count is damaged."""
+"""Longer than any reply; a larger byte count must be damaged."""
 SET, GET, RESET, ACKNOWLEDGED, REFUSED, WARNED = range(6)
-"""What a command asks for, or how it was answered."""
+"""Action that a command requests, or result that its reply states."""
 SINGLE, CONTINUOUS = 18, 19
 ANY = 0xFFFFFFFF
 
@@ -37,7 +37,7 @@ for _ in range(8):
 
 
 def crc16_arc(rows: Bytes) -> npt.NDArray[np.uint16]:
-    """CRC-16/ARC (polynomial 0x8005, reflected, start 0) of N byte strings of one length, (N, L) -> (N,)."""
+    """Return the CRC-16/ARC (polynomial 0x8005, reflected, start 0) of N rows of bytes, (N, L) -> (N,)."""
     register = np.zeros(len(rows), np.uint16)
     for column in np.ascontiguousarray(rows.T):
         register = (register >> 8) ^ _REGISTERS[(register ^ column) & 0xFF]
@@ -47,10 +47,10 @@ def crc16_arc(rows: Bytes) -> npt.NDArray[np.uint16]:
 def command_frame(
     command: int, action: int, sensor: int = ANY, argument: int = 0, payload: bytes = b""
 ) -> bytes:
-    """Return the bytes of a command.
+    """Return the bytes of a command frame.
 
-    command : its number (0 hemisphere ... 30 source select); action : SET, GET or RESET; sensor : from 0,
-    ANY for all; argument : the command's second.
+    command : its number (0 hemisphere ... 30 source select). action : SET, GET or RESET. sensor : from 0, ANY
+    for all. argument : second argument of the command. payload : data that follow.
     """
     body = struct.pack("<5I", ANY, command, action, sensor, argument) + payload
     frame = COMMAND_PREAMBLE + struct.pack("<I", len(body) + CRC_BYTES) + body
@@ -60,9 +60,9 @@ def command_frame(
 class ViperDecoder(protocol.PiecewiseDecoder):
     """Decoder of a VIPER stream.
 
-    The bytes before a frame's first sensor count as that sensor's record, the CRC field as the last one's.
-    Every record states its units, so no setting is needed. A pose frame without sensors is a reply of
-    CONTINUOUS. Station is sensor + 1; virtual sensors have stations beyond 128 and are marked doubtful.
+    The bytes before a frame's first sensor belong to that sensor's record, the CRC field to the last one's.
+    Every record states its units, so no setting is needed. A pose frame without sensors is a reply to
+    CONTINUOUS. The station is sensor + 1; virtual sensors have stations above 128 and are marked doubtful.
     """
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
@@ -72,7 +72,7 @@ class ViperDecoder(protocol.PiecewiseDecoder):
         kept = _disjoint(at, end, good, waiting)
         at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
         decided = len(b)
-        if not final:  # up to the first leader, behind all frames, that is cut off by the end
+        if not final:  # keep the bytes from the first preamble, after all frames, that the end cuts off
             first = max(int(end[~waiting].max(initial=0)), len(b) - POSE_HEADER_BYTES + 1)
             leaders = (
                 (start, b[start : start + len(POSE_PREAMBLE)].tobytes()) for start in range(first, len(b))
@@ -94,9 +94,9 @@ class ViperDecoder(protocol.PiecewiseDecoder):
 
 
 def _disjoint(at: Integers, end: Integers, good: Bools, waiting: Bools) -> Integers:
-    """Return indices of the good frames up to the first that still waits for bytes, that one included.
+    """Return indices of the good frames, up to and including the first that still waits for bytes.
 
-    What stands in a frame's body is no frame.
+    Frames inside the body of an accepted frame are skipped.
     """
     candidates = np.flatnonzero(good | waiting)
     if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
@@ -112,7 +112,7 @@ def _disjoint(at: Integers, end: Integers, good: Bools, waiting: Bools) -> Integ
 
 
 def _possible_frames(b: Bytes) -> tuple[Integers, Integers, Bools]:
-    """Return leaders that can be ones: first byte, first byte after, and whether they are of poses."""
+    """Return plausible frames: their first byte, the first byte after, and whether they are pose frames."""
     at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
     for index in (1, 2):
         at = at[b[at + index] == COMMAND_PREAMBLE[index]]
@@ -129,12 +129,12 @@ def _possible_frames(b: Bytes) -> tuple[Integers, Integers, Bools]:
 
 
 def _read_unsigned(b: Bytes, at: Integers) -> Integers:
-    """Return numbers of 4 bytes at `at`."""
+    """Return the unsigned 32-bit numbers at positions `at`."""
     return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
 
 
 def _sound(b: Bytes, at: Integers, end: Integers) -> Bools:
-    """Whether frames are there as a whole with the right checksum."""
+    """Return whether frames are complete and have the right checksum."""
     good = np.zeros(len(at), bool)
     whole = end <= len(b)
     for size in np.unique((end - at)[whole]):
@@ -147,7 +147,7 @@ def _sound(b: Bytes, at: Integers, end: Integers) -> Bools:
 
 
 def _reply(b: Bytes, at: int, end: int) -> Reply:
-    """Read a command frame, or a pose frame without sensors; its body is all from the unit's id on."""
+    """Read a command frame, or a pose frame without sensors; the body starts with the unit's id."""
     body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
     if b[at + 3] == POSE_PREAMBLE[3]:
         return Reply(at, 0, CONTINUOUS, 0, body)
@@ -157,7 +157,7 @@ def _reply(b: Bytes, at: int, end: int) -> Reply:
 
 
 def _records_of_size(rows: Bytes, at: Integers) -> Records:
-    """Read M frames of one size, rows (M, size), that start at bytes `at`."""
+    """Read the records of M pose frames of the same size; rows : (M, size) bytes, at : (M,) positions."""
     body = np.ascontiguousarray(rows[:, POSE_HEADER_BYTES:-CRC_BYTES])
     sensors = body.view(_SENSOR)
     per_frame = sensors.shape[1]
@@ -179,7 +179,7 @@ def _records_of_size(rows: Bytes, at: Integers) -> Records:
         accelerated = np.repeat(header[:, 2] & 0xF == _WITH_ACCELERATION, per_frame)
         orientation = sensors["orientation"].reshape(-1, 4)
         quaternion = orientation.astype(float)
-        if accelerated.any():  # four whole numbers of orientation, then four of acceleration
+        if accelerated.any():  # four 16-bit numbers of orientation, then four of acceleration
             wholes = np.ascontiguousarray(orientation[accelerated]).view("<i2")[:, :4]
             quaternion[accelerated] = wholes / _FULL_SCALE
         quaternion[info >> 10 & 3 != _QUATERNION] = np.nan  # Euler angles, which this recorder never requests

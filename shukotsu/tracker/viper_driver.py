@@ -1,6 +1,6 @@
-"""Setting up a VIPER: frames of commands, each answered; all sensors come in one frame.
+"""Set up a VIPER with command frames, each of which is answered.
 
-Settings last until the tracker is switched off; none is stored in it. Source: Polhemus VIPER interface
+The settings last until the tracker is switched off; nothing is stored in it. Source: Polhemus VIPER interface
 header.
 """
 
@@ -30,7 +30,7 @@ class ViperDriver(TrackerDriver):
     """Driver of VIPER."""
 
     def set_up(self) -> StreamSettings:
-        """Find the tracker, set units, rate, hemispheres, stylus, and read them back. Raises InputError."""
+        """Identify the tracker, set it up and verify every setting. Raises InputError if any of it fails."""
         whoami = self._find(self._attempt)
         (bits,) = struct.unpack_from("<H", self._get(STATION_MAP, ANY, 0).ljust(2, b"\0"))
         stations = tuple(sensor + 1 for sensor in range(SENSORS) if bits & 1 << sensor)
@@ -44,10 +44,10 @@ class ViperDriver(TrackerDriver):
         for key, payload in wanted.items():
             if not _same(key, after[key], payload):
                 self._require(_name(key), after[key].hex(), payload.hex())
-        none, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
+        unturned, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
         for station in stations:
             payload = self._ask(GET, (BORESIGHT, station - 1, 0)) or b""
-            turned += [str(station)] if len(payload) == 16 and payload not in none else []
+            turned += [str(station)] if len(payload) == 16 and payload not in unturned else []
         if turned:
             self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
         named = [{_name(key): data.hex() for key, data in values.items()} for values in (before, after)]
@@ -76,7 +76,7 @@ class ViperDriver(TrackerDriver):
         return None, heard + came
 
     def _wanted(self, stations: tuple[int, ...]) -> dict[Key, bytes]:
-        """Return the settings to make, units last: what was read before is in the units from before."""
+        """Return the settings that the recording needs; units are last, so values read before keep theirs."""
         request = self._request
         vector = (1.0, 0.0, 0.0) if request.hemisphere == TRACK else request.hemisphere
         hemisphere = struct.pack("<I3f", int(request.hemisphere == TRACK), *vector)
@@ -93,11 +93,11 @@ class ViperDriver(TrackerDriver):
     def _get(self, *key: int) -> bytes:
         payload = self._ask(GET, key)
         if payload is None:
-            raise InputError(f"{self._port_name}: the tracker does not say its {_name(key)}")
+            raise InputError(f"{self._port_name}: the tracker does not report its {_name(key)}")
         return payload
 
     def _ask(self, action: int, key: Key, payload: bytes = b"") -> bytes | None:
-        """Send a command; return the answer's payload, None where it is refused or does not come."""
+        """Send a command; return the answer's payload, or None if it is refused or not answered."""
 
         def answer_in(data: bytes) -> tuple[bytes | None] | None:
             for reply in _replies(data):
@@ -117,10 +117,10 @@ def _replies(data: bytes) -> tuple[Reply, ...]:
 
 
 def _same(key: Key, read: bytes, sent: bytes) -> bool:
-    """Whether a setting is what was sent; of a filter that is off only the level counts."""
+    """Return whether a setting equals the value sent; for a filter only the level is compared."""
     if key[0] == FILTER:
         return read[:4] == sent[:4]
-    if key[0] == HEMISPHERE and sent[0]:  # it follows the sensor, so its vector changes
+    if key[0] == HEMISPHERE and sent[0]:  # the vector changes while the hemisphere follows the sensor
         return bool(read) and bool(read[0] & 1)
     return read == sent
 

@@ -94,7 +94,7 @@ def test_a_file_of_both_hands_is_drafted_by_stations(run: Run) -> None:
     assert out.endswith("--out poses.parquet; and so with --hand left\n")
     text = run.mapping.read_text("utf-8")
     assert re.findall(r"(?m)^ *(\S+): CHECK", text) == ["position_unit"]
-    assert "the next receiver is 0.9 of it away, which on one hand is inch" in text
+    assert "neighbouring receivers are 0.9 apart, which on one hand means inch" in text
     run.mapping.write_text(text.replace("position_unit: CHECK", "position_unit: inch"), "utf-8")
     right, left = read_mapping(run.mapping), read_mapping(run.mapping, "left")
     assert right.details["time_unit"] == "ms"
@@ -168,7 +168,7 @@ def test_seconds_and_nanoseconds_are_one_time_and_so_are_dates(run: Run, dates: 
 
 def test_receivers_by_the_dozen_have_one_line_and_a_glove_is_refused(run: Run) -> None:
     glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", TURNED)
-    assert "has angles of joints (Thumb_MCP_Flex, " in run.inspect(glove, code=2)
+    assert "has joint angles (Thumb_MCP_Flex, " in run.inspect(glove, code=2)
     titles = [f"s{n}_{axis}" for n in range(17) for axis in ("x", "y", "z", "qw", "qx", "qy", "qz")]
     many = run.table("many.csv", ",".join(titles), np.tile(np.concatenate([PLACE, TURNED], 1), 17))
     assert run.inspect(many).count("\nposition") == 1
@@ -325,7 +325,7 @@ def test_a_draft_pairs_columns_by_their_names(run: Run, names: str, gap: str) ->
     kept = [n for n in range(3) if gap != "no position" or n != 1]
     assert drafted == [(places[n], turns[n]) for n in kept]
     assert "guessed" not in text
-    left = f"{' '.join(turns[1])}: no position goes with it" if gap == "no position" else "empty: "
+    left = f"{' '.join(turns[1])}: no position matches it" if gap == "no position" else "empty: "
     assert left in said
     assert f"# {left}" in text
 

@@ -91,7 +91,7 @@ def test_a_file_that_is_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"no", "is no XDF file"),
+        (b"no", "is not an XDF file"),
         (xdf_of(marker_stream(1, "eeg", [1], [1.0], rate_hz=500)), "no stream of markers .*; it has eeg"),
         (
             xdf_of(marker_stream(1, "cues", ["go"], [1.0])).replace(

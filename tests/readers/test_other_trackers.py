@@ -129,7 +129,7 @@ def test_what_is_read_is_what_was_written(
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.igs.mha", "ObjectType = Image\nSeq_Frame0000_ATo", "its header has no end"),
+        ("a.igs.mha", "ObjectType = Image\nSeq_Frame0000_ATo", "its header is cut off"),
         ("a.nrrd", "NRRD0004\nSeq_Frame0000_AToBTransform:=1 0\n\n", "line 2: expected 16 numbers"),
         ("a.nrrd", f"NRRD0004\nSeq_Frame0000_AToBTransform:={'0 ' * 16}\n\n", "'a' is not in layout"),
     ],

@@ -100,7 +100,7 @@ def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], fl
         ((1, 1, 0, 0), "norm 1.41421 .*expected 1 within 0.01; check the column order .*leave the row's"),
         ((0.98, 0, 0, 0), "norm 0.98"),
         ((1e200, 0, 0, 0), "norm inf"),
-        ((0, 0, 0, 0), "all zeros .*zeros that stand for missing values must be left empty"),
+        ((0, 0, 0, 0), "all zeros .*zeros for missing values must be left empty"),
     ],
 )
 def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], message: str) -> None:
@@ -117,7 +117,7 @@ def test_two_recordings_in_one_file_are_refused() -> None:
     moved = (9.0, *GOOD[1:])
     rows = [(name, frame, 0, GOOD) for frame in range(40) for name in ("hand", "thumb")]
     again = [(name, frame, 0, moved) for frame in range(10) for name in ("hand", "thumb")]
-    with pytest.raises(InputError, match=r"line 82: frame 0 of receiver hand stands twice with different"):
+    with pytest.raises(InputError, match=r"line 82: frame 0 of receiver hand occurs twice with different"):
         table_of(samples_of(*rows, *again))
     table = table_of(samples_of(*rows, *again[:18], *again[:2]))
     assert table.usable == (31, 31)

@@ -57,7 +57,7 @@ def test_segments_that_do_not_share_their_frames_are_refused(
     tmp_path: Path, thumb: list[int], block_frames: int | None
 ) -> None:
     path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": thumb})
-    with pytest.raises(InputError, match="does not have the frames of the others; make it again"):
+    with pytest.raises(InputError, match="has other frames than the other segments; make it again"):
         list(pose_blocks(path, ("hand", "thumb"), block_frames))
 
 
@@ -106,7 +106,7 @@ def test_all_files_must_be_of_one_hand(tmp_path: Path) -> None:
         one_hand([right, left], None, None, None)
     with pytest.raises(InputError, match="expected subject 02, right hand"):
         one_hand([right], "02", None, None)
-    with pytest.raises(InputError, match="--subject and --hand must say whose hand it is"):
+    with pytest.raises(InputError, match="--subject and --hand must state whose hand it is"):
         one_hand([], "02", None, None)
     with pytest.raises(InputError, match=r"absent.parquet: no such file; expected a poses table"):
         one_hand([tmp_path / "absent.parquet"], "02", None, None)

@@ -19,7 +19,7 @@ from shukotsu.tables.text_files import open_text, read_text
         (b"\xd0\xcf\x11\xe0...", "is an old spreadsheet"),
         (b"\x1f\x8b...", "is packed by gzip"),
         (b"PAR1", "is a Parquet file"),
-        ("a".encode("utf-16")[:3], "begins as UTF-16 text and is none"),
+        ("a".encode("utf-16")[:3], "begins as UTF-16 text but is not valid"),
         (b"a\nb\nc\xe9\n", "line 3: is not UTF-8 text; save it as UTF-8"),
     ],
 )

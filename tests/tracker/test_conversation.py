@@ -63,7 +63,7 @@ def test_no_question_goes_on_for_ever() -> None:
         longest = max(longest, len(data))
 
     try:
-        with pytest.raises(InputError, match=r"^flood: what answers is no tracker: it sent \d+ MB before it"):
+        with pytest.raises(InputError, match=r"^flood: the device there is not a tracker: it sent \d+ MB be"):
             reader.ask(b"?", answer_in, PATIENCE_S)
         assert longest <= conversation.ANSWER_BYTES + 11 * len(PIECE)
         reader.frames_began = True

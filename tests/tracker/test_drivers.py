@@ -58,16 +58,16 @@ def stubborn(unheard: bytes = b"no command", heard: bytes = b"", *, before: byte
 @pytest.mark.parametrize(
     ("unheard", "sentence"),
     [
-        (b"U1\r", "did not take its units: sent was 1, and when asked it says 0; switch it off and on"),
-        (b"R3\r", "did not take its rate: sent was 3, and when asked it says 4"),
-        (b"Z1\r", "did not take its external sync: sent was 1, and when asked it says 0"),
-        (b"O*,8,9,11,10,12,3,7\r", "did not take its output list of receiver 1: sent was 8, 9, 11, 10, 12"),
-        (b"H*,0,0,1\r", "its hemisphere of receiver 1: sent was 0, 0, 1, and when asked it says 1, 0, 0"),
-        (b"\x152,0\r", "did not take its active receivers: sent was 1, and when asked it says 1, 2"),
-        (b"X0,1,0,0\r", "did not take its position filter"),
-        (b"Y0,1,0,0\r", "did not take its attitude filter"),
-        (b"U\r", "did not take its units: sent was 1, and when asked it says nothing about it"),
-        (b"F1\r", "what answers is no LIBERTY"),
+        (b"U1\r", "did not accept its units: sent 1, but it reports 0; switch it off and on"),
+        (b"R3\r", "did not accept its rate: sent 3, but it reports 4"),
+        (b"Z1\r", "did not accept its external sync: sent 1, but it reports 0"),
+        (b"O*,8,9,11,10,12,3,7\r", "did not accept its output list of receiver 1: sent 8, 9, 11, 10, 12"),
+        (b"H*,0,0,1\r", "its hemisphere of receiver 1: sent 0, 0, 1, but it reports 1, 0, 0"),
+        (b"\x152,0\r", "did not accept its active receivers: sent 1, but it reports 1, 2"),
+        (b"X0,1,0,0\r", "did not accept its position filter"),
+        (b"Y0,1,0,0\r", "did not accept its attitude filter"),
+        (b"U\r", "did not accept its units: sent 1, but it reports nothing"),
+        (b"F1\r", "the device there is not a LIBERTY"),
     ],
 )
 def test_a_setting_that_is_not_taken_ends_it(unheard: bytes, sentence: str) -> None:
@@ -216,6 +216,6 @@ def test_a_viper_is_set_up_and_recorded(tmp_path: Path) -> None:
 
 
 def test_a_viper_that_does_not_take_a_setting_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"did not take its units: sent was 0200000002000000, and when"):
+    with pytest.raises(InputError, match=r"did not accept its units: sent 0200000002000000, but it"):
         recorded(Viper(deaf_to=(UNITS,)), RecordingRequest("viper"), tmp_path)
     assert not (tmp_path / "rom.arrows").exists()

@@ -49,7 +49,7 @@ def test_two_programs_cannot_share_a_port(pty_pair: tuple[int, str]) -> None:
 
 @pytest.mark.parametrize("name", ["socket://", "socket://a:b", "rfc2217://host", "loop://", "tcp://host:1"])
 def test_what_is_no_port_of_a_network_is_not_tried(name: str) -> None:
-    with pytest.raises(InputError, match=f"{name}: is no port of a network; expected socket://HOST:PORT"):
+    with pytest.raises(InputError, match=f"{name}: is not a network port; expected socket://HOST:PORT"):
         open_port(name, 115200)
 
 
@@ -175,8 +175,8 @@ def test_a_liberty_is_recorded_until_it_is_unplugged(unplugged: bool, tmp_path: 
     ("how", "sentence"),
     [
         ({"product": 0xFF21}, "wants its firmware; its firmware is loaded with fxload"),
-        ({"product": 0xBF01}, "a VIPER is not read this way"),
-        ({"product": 0x9999}, "are 0 trackers on USB"),
+        ({"product": 0xBF01}, "a VIPER cannot be read directly over USB"),
+        ({"product": 0x9999}, "matches 0 trackers on USB"),
         ({"claiming": "USBErrorBusy"}, "another program has it open"),
         ({"claiming": "USBErrorAccess"}, 'put SUBSYSTEM=="usb"'),
     ],

@@ -232,7 +232,7 @@ def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
     ending = record(plan, port, LinePrinter(io.StringIO()), stop, {}, utc_offset_ns)
     port.close()
     assert not ending.failed
-    assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not concerned",)
+    assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not affected",)
     records, tally, _ = decoded(out)
     (jump,) = [event for event in tally.events if event["event"] == "clock-jumped"]
     assert jump["seconds"] == pytest.approx(-3600.0)

@@ -121,8 +121,8 @@ def test_a_capture_that_was_killed_says_so(tmp_path: Path) -> None:
     path = write(tmp_path / "a.arrows", [cycle(f) for f in range(200)], ended=False)
     path.write_bytes(path.read_bytes()[:-700])
     first, second = findings(survey_of(path))
-    assert "are no whole entry" in first
-    assert "was not ended by the recorder" in second
+    assert "are not complete entries" in first
+    assert "was not closed by the recorder" in second
     assert survey_of(path).records[1] == 150
 
 

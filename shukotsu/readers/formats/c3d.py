@@ -1,4 +1,4 @@
-"""C3D files by mapping, read by ezc3d: clusters of markers as rigid segments, or poses of group ROTATION."""
+"""Read C3D files by a mapping, with ezc3d: marker clusters as rigid segments, or poses of group ROTATION."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from shukotsu.tables.text_files import reading
 
 _BLOCK = 512
 _MOST_FRAMES = 65535
-"""Largest count of 16 bits; it stands for any larger one as well."""
+"""Largest frame number that the 16-bit header fields can hold; larger numbers are also stored as this one."""
 
 
 @dataclass(frozen=True)
 class C3dFile:
-    """What of a C3D file matters here.
+    """Content of a C3D file, as far as it is used here.
 
-    points : (T, P, 3) in the file's unit, NaN where a point is not seen; labels : of the P points.
-    matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
-    unit : mm, cm, m or inch, or the file's own word where it is none of these; empty where it states none.
-    rate_hz : NaN where the file states none. first_frame : number of the first frame stored, from 1.
-    doubts : a sentence where the file goes on behind the frames that it counts, or has points at 0, 0, 0.
+    points : (T, P, 3) in the file's unit, NaN where a point is not visible; labels : names of the P points.
+    matrices : (T', R, 4, 4) of the ROTATION group, T' a multiple of T; rotation_labels : names of the R.
+    unit : mm, cm, m or inch; any other unit as the file spells it; empty if the file states no unit.
+    rate_hz : NaN if the file states no plausible rate. first_frame : number of the first stored frame.
+    doubts : a sentence for each doubt: data after the last frame, points at exactly 0, 0, 0.
     """
 
     path: Path
@@ -62,10 +62,10 @@ class C3dFile:
 
 
 def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
-    """Read clusters and rotations as the mapping names them (C3D user guide, www.c3d.org).
+    """Read the clusters and rotations that the mapping names (C3D user guide, www.c3d.org).
 
-    Frames keep the file's numbers, times count from the first frame stored. Raises InputError where the
-    file is no C3D file, states another unit, or has no such label.
+    Frames keep the file's numbers; time is 0 at the first stored frame. Raises InputError if the file is
+    not a C3D file, states another unit than the mapping, or lacks a label that the mapping names.
     """
     mapping = required_mapping(path, mapping, "a C3D file")
     mapped_segments(mapping, layout)
@@ -82,7 +82,7 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
             f"{mapping.where}: c3d: frames {first} to {last} are not in {path}, which has frames 1 to "
             f"{file.frames}"
         )
-    window = np.arange(first - 1, last)  # from 0 at the first frame stored
+    window = np.arange(first - 1, last)  # row numbers, 0 is the first stored frame
     rate_hz = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
     tracks, notes, clusters = [], [], []
     for segment, receiver in mapping.receivers.items():
@@ -102,19 +102,33 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
 
 
 RIGID_VARIATION = 0.06
-"""Each distance in a rigid group varies, noise apart, by less than this share of it and of its ends' ways."""
+"""Largest variation of a distance in a rigid group, without noise, as a share of the distance; it must also
+stay below five times this share of the travel of whichever of the two markers moves less."""
 _FRAMES, _MARKERS, _DISTANCES = 100, 200, 2_000_000
 _NOISE_WIDTH = 4.1
 """Width between the 2nd and 98th percentile of normal noise, in standard deviations."""
 
 
 def rigid_groups(points: Array, segments: Sequence[str] | None = None) -> list[list[int]]:
-    """Group markers of which all distances keep still in nearly all frames while others change.
+    """Find groups of three or more markers whose mutual distances stay constant in nearly all frames.
 
-    points : (T, P, 3), NaN where a marker is not seen. segments : what each label names, empty where nothing;
-    markers of two segments are in no group, and those of one may all keep still. Returns the indices of each
-    group; none where there are too many markers. Noise is what a distance changes from one frame to the next
-    beyond what it changes over three: joints move slowly.
+    Noise is estimated from the second difference of a distance over three consecutive frames, because joints
+    move slowly.
+
+    Parameters
+    ----------
+    points : array, shape (T, P, 3)
+        Marker positions, NaN where a marker is not visible.
+    segments : sequence of P names, optional
+        Segment that each label names, or "". Markers of different segments never share a group; markers of
+        one segment may form a group even if they do not move.
+
+    Returns
+    -------
+    list of list of int
+        Marker indices of each group; empty with fewer than 3 frames or markers, or more than `_MARKERS`
+        markers.
+
     """
     markers = points.shape[1]
     if not 3 <= markers <= _MARKERS or len(points) < 3:
@@ -148,19 +162,20 @@ def rigid_groups(points: Array, segments: Sequence[str] | None = None) -> list[l
 
 
 THINNEST = 0.05
-"""Markers whose width is less than this share of their length are on a line: the turn about it is noise."""
+"""Markers whose width is less than this share of their length count as collinear: rotation about the line is
+noise."""
 _ROUNDS = 100
 _SETTLED_MM = 1e-5
 
 
 @dataclass(frozen=True)
 class ClusterPoses:
-    """The poses of one cluster of M markers in T frames, NaN where too few markers are seen.
+    """Poses of a cluster of M markers in T frames, NaN where too few markers are visible.
 
-    rotation : (T, 3, 3) cluster to laboratory; position_mm : (T, 3) of the first marker, as fitted.
-    shape_mm : (M, 3) the markers in the cluster's frame: the first is the origin, x runs to the second,
-    the third is in the plane of x and y, on the side of +y. residual_mm : (T, M) distance of each marker
-    from its fit, NaN where it is not seen; misfit_mm : (T,) its rms.
+    rotation : (T, 3, 3) cluster to laboratory frame; position_mm : (T, 3) fitted position of the first
+    marker. shape_mm : (M, 3) the markers in the cluster's frame: the first is the origin, x points to the
+    second, the third is in the x-y plane with y > 0. residual_mm : (T, M) distance of each marker from its
+    fitted position, NaN where it is not used; misfit_mm : (T,) rms of these distances.
     """
 
     rotation: Array
@@ -170,26 +185,38 @@ class ClusterPoses:
 
     @property
     def misfit_mm(self) -> Array:
-        """Rms distance of each frame's markers from the shape, (T,); NaN where there is no pose."""
+        """Rms distance of the markers from the fitted shape, (T,); NaN in frames without a pose."""
         seen = np.isfinite(self.residual_mm)
         square = np.where(seen, self.residual_mm, 0.0) ** 2
         return np.asarray(np.sqrt(square.sum(1) / np.where(seen.any(1), seen.sum(1), np.nan)))
 
 
 def cluster_poses(markers_mm: Array, what: str) -> ClusterPoses:
-    """Fit one rigid shape to a cluster's markers and give its pose in every frame.
+    """Fit one rigid shape to a cluster's markers and compute its pose in every frame.
 
-    markers_mm : (T, M, 3) in the laboratory frame, NaN where a marker is not seen; M >= 3. A frame needs
-    three markers that are not on a line. Raises InputError, beginning with `what`, where no frame has
-    them, where a marker cannot be placed beside the others, or where the cluster is a line.
+    A frame needs three markers that are not collinear.
+
+    Parameters
+    ----------
+    markers_mm : array, shape (T, M, 3), M >= 3
+        Positions in the laboratory frame, NaN where a marker is not visible.
+    what : str
+        Beginning of error messages: the file and the cluster.
+
+    Raises
+    ------
+    InputError
+        If no frame has three such markers, a marker is never visible together with three markers of known
+        position, or the cluster is collinear.
+
     """
     seen: Bools = np.asarray(np.isfinite(markers_mm).all(-1))
-    # the shape in its own frame: first marker the origin, second on x, third in the plane of x and y
+    # the shape in the cluster's frame: first marker at the origin, second on x, third in the x-y plane
     shape = _mean_shape(np.where(seen[..., None], markers_mm, 0.0), seen, what)
     along, across = shape[1] - shape[0], shape[2] - shape[0]
     if _width(shape[:3]) < THINNEST:
         raise InputError(
-            f"{what}: its first three markers are on a line, but they span its frame; name others first"
+            f"{what}: its first three markers are on a line, but they define its axes; list others first"
         )
     x = along / np.linalg.norm(along)
     z = np.cross(x, across)
@@ -206,9 +233,10 @@ def cluster_poses(markers_mm: Array, what: str) -> ClusterPoses:
 
 
 def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
-    """Mean of all frames laid onto each other, shape (M, 3), in the laboratory pose of one frame.
+    """Return the mean shape (M, 3) of the superimposed frames, in the laboratory pose of one of them.
 
-    It grows from the likeliest frame with most markers; frames far off it (markers swapped) weigh less.
+    The iteration starts from the most typical frame of those with the most visible markers; frames that fit
+    badly, for example with swapped markers, get a lower weight.
     """
     patterns, codes, counts = np.unique(seen, axis=0, return_inverse=True, return_counts=True)
     most = int(np.lexsort((counts, patterns.sum(1)))[-1])
@@ -222,19 +250,19 @@ def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
         raise InputError(f"{what}: no frame has three of its markers; check the labels and the frames read")
     if _width(shape[placed]) < THINNEST:
         raise InputError(
-            f"{what}: its markers are on a line (within {THINNEST} of its length), so the turn about "
-            "that line is not known; add a marker beside it"
+            f"{what}: its markers are on a line (within {THINNEST} of its length), so the rotation about "
+            "that line is unknown; add a marker off the line"
         )
     for _ in range(_ROUNDS):
         usable = seen & placed & _spread_out(shape, seen & placed)[:, None]
         if not usable.any():
-            raise InputError(f"{what}: its markers keep no shape in common over the frames read")
+            raise InputError(f"{what}: its markers have no common rigid shape over the frames read")
         rotation, position = _fit(shape, points, usable.astype(float))
         back = (points - position[:, None]) @ rotation
         square = np.where(usable, ((back - shape) ** 2).sum(-1), 0.0).sum(1)
         posed = usable.any(1)
         misfit = square / np.maximum(usable.sum(1), 1)
-        # a frame weighs half where its misfit is three times the median
+        # `misfit` is a mean square: a frame whose rms is three times the median gets half the weight
         scale = 9 * float(np.median(misfit[posed])) + _SETTLED_MM**2
         weight = np.where(posed, 1 / (1 + misfit / scale), 0.0)[:, None] * seen
         reached = weight.sum(0) > 0
@@ -245,14 +273,14 @@ def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
             break
     if not placed.all():
         raise InputError(
-            f"{what}: marker {int(np.argmin(placed)) + 1} of it is never seen with three others of known "
-            "place; leave it out of the mapping"
+            f"{what}: its marker {int(np.argmin(placed)) + 1} is never seen together with three others of "
+            "known position; leave it out of the mapping"
         )
     return shape
 
 
 def _fit(shape: Array, points: Array, weight: Array) -> tuple[Array, Array]:
-    """Rotations (T, 3, 3) and translations (T, 3) that lay the shape (M, 3) on the points (T, M, 3)."""
+    """Return rotations (T, 3, 3) and translations (T, 3) that map the shape (M, 3) to points (T, M, 3)."""
     total = np.maximum(weight.sum(1), 1.0)[:, None]
     middle, centre = weight @ shape / total, np.einsum("tm,tmi->ti", weight, points) / total
     spread = np.einsum("tm,tmi,tmj->tij", weight, points - centre[:, None], shape - middle[:, None])
@@ -261,25 +289,25 @@ def _fit(shape: Array, points: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def _spread_out(shape: Array, seen: Bools) -> Bools:
-    """Return whether the markers that a frame sees, of those known, fix a rotation, shape (T,)."""
+    """Return for each frame whether the markers in `seen` (T, M) determine a rotation, shape (T,)."""
     patterns, codes = np.unique(seen, axis=0, return_inverse=True)
     good = [pattern.sum() >= 3 and _width(shape[pattern]) >= THINNEST for pattern in patterns]
     return np.asarray(np.array(good)[codes.ravel()], bool)
 
 
 def _width(points: Array) -> float:
-    """Width over length of points (M, 3): 0 where they are on a line."""
+    """Return the ratio of width to length of points (M, 3): 0 if they are collinear."""
     length, width = np.linalg.svd(points - points.mean(0), compute_uv=False)[:2]
     return float(width / length) if length > 0 else 0.0
 
 
 def _check_parameters(path: Path, records: bytes, size: int) -> None:
-    """Raise InputError where a parameter counts more bytes than the file has: ezc3d would read on for hours.
+    """Raise InputError if a parameter claims more bytes than the file has: ezc3d would read on for hours.
 
-    A record is its name's length, its group, the name and the way to the next one; a parameter (of a group
-    above 0) goes on with bytes a value, the number of its dimensions, and these.
+    A record consists of the name's length, the group's number, the name and the offset of the next record. In
+    a parameter's record (group number above 0) follow bytes per value, number of dimensions, and dimensions.
     """
-    order = ">H" if records[3:4] == b"\x56" else "<H"  # MIPS or SGI
+    order = ">H" if records[3:4] == b"\x56" else "<H"  # files of MIPS or SGI processors are big-endian
     at = 4
     while at + 2 < len(records) and records[at]:
         length, group = (abs(n) for n in struct.unpack_from("bb", records, at))
@@ -290,13 +318,13 @@ def _check_parameters(path: Path, records: bytes, size: int) -> None:
         if records[at + 1] < 128 and abs(value_bytes) * math.prod(n or 1 for n in rest[:n_dimensions]) > size:
             raise InputError(
                 f"{path}: not a readable C3D file (parameter {name.decode(errors='replace')} of group "
-                f"{group} says that it is longer than the file); copy it again"
+                f"{group} claims to be longer than the file); copy it again"
             )
         at = way + (struct.unpack_from(order, records.ljust(way + 2), way)[0] or len(records))
 
 
 def open_c3d(path: Path) -> C3dFile:
-    """Read a C3D file. Raises InputError where it is absent, is none, or is cut off."""
+    """Read a C3D file. Raises InputError if it does not exist, is not a C3D file or is truncated."""
     import ezc3d
 
     with reading(path, "a C3D file"):
@@ -309,16 +337,19 @@ def open_c3d(path: Path) -> C3dFile:
         content = ezc3d.c3d(str(path))
     except MemoryError:
         raise
-    except Exception as error:  # ezc3d raises whatever its code runs into
+    except Exception as error:  # ezc3d has no exception type of its own for unreadable files
         why = str(error).removesuffix(": iostream error")
         raise InputError(f"{path}: not a readable C3D file ({why}); copy it again") from error
     parameters = content["parameters"]
-    # NaN where the residual is -1
+    # ezc3d returns NaN for a point whose residual is -1
     points = np.asarray(content["data"]["points"][:3], float).transpose(2, 1, 0)
     rotations = np.asarray(content["data"]["rotations"], float).transpose(3, 2, 0, 1)
     per_frame, analogs, first, last, _, scale, start = struct.unpack_from("<HHHHHfH", head, 2)
-    if not first <= last < _MOST_FRAMES:  # what is read to the file's end has zeros that fill its last block
-        points = points[: np.flatnonzero((points != 0).any((1, 2)))[-1:].sum() + 1]
+    # without a usable frame count ezc3d reads to the end of the file, including the zeros that pad its last
+    # block
+    if not first <= last < _MOST_FRAMES:
+        filled = np.flatnonzero((points != 0).any((1, 2)))
+        points = points[: filled[-1] + 1 if len(filled) else 1]
     zeros = (points == 0).all(-1)
     counts = [last - first + 1 if last < _MOST_FRAMES else 0]
     counts += [int(count) for count in parameters["POINT"].get("LONG_FRAMES", {}).get("value", ())]
@@ -327,20 +358,20 @@ def open_c3d(path: Path) -> C3dFile:
         counts.append(low + (high << 16) - first + 1)
     if len(points) < max(counts):
         raise InputError(
-            f"{path}: is cut off: it has {len(points)} of {count_of(max(counts), 'frame')} that it counts; "
-            "copy it again"
+            f"{path}: is cut off: it has {len(points)} of the {count_of(max(counts), 'frame')} that it "
+            "declares; copy it again"
         )
     if not len(points):
         raise InputError(f"{path}: has no frames; export it again")
     frame_bytes = (4 * per_frame + analogs) * (4 if scale < 0 else 2)
     more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
     at_zero = int(zeros.sum())
-    taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} taken for not seen"
+    taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} treated as not seen"
     doubts = [taken] if at_zero else []
     if more_bytes > _BLOCK and not rotations.size:
         doubts += [
-            f"{count_of(len(points), 'frame', 'are')} read, but the file goes on behind them; see that "
-            f"this is all"
+            f"{count_of(len(points), 'frame', 'are')} read, but more data follow in the file; check that no "
+            f"frame is missing"
         ]
     unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()
     rate = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
@@ -358,7 +389,7 @@ def open_c3d(path: Path) -> C3dFile:
 
 
 def _labels(group: Any) -> tuple[str, ...]:
-    """Labels of a group; beyond 255 they run on in LABELS2, LABELS3 and so on."""
+    """Return the labels of a group; those after the 255th are in LABELS2, LABELS3 and so on."""
     names = (f"LABELS{number}" for number in ("", *range(2, 20)))
     return tuple(label.strip() for name in names if name in group for label in group[name]["value"])
 
@@ -366,8 +397,10 @@ def _labels(group: Any) -> tuple[str, ...]:
 def _of_cluster(
     file: C3dFile, segment: str, markers: Sequence[str], window: Integers, mapping: FileMapping
 ) -> tuple[Array, Array, str, list[dict[str, Any]]]:
-    """Return the poses (T, 7) of a cluster, its misfit [mm] (T,), a note on both, and what a finding says of
-    frames that misfit: which of its markers keep their distances.
+    """Return a cluster's poses (T, 7), its misfit (T,) in mm, a note on both, and the values of a finding.
+
+    The list of findings is empty if no frame exceeds the mapping's `misfit_mm`; else its one entry reports
+    which of the markers do form rigid groups.
     """
     key = f"{mapping.where}: receivers.{segment}.markers"
     columns = [_index(file.path, file.labels, marker, "marker", key) for marker in markers]
@@ -380,9 +413,8 @@ def _of_cluster(
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
     misfit, left = cluster.misfit_mm, cluster.residual_mm[np.isfinite(cluster.residual_mm)]
     note = (
-        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
-        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
-        f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {count_of(len(misfit), 'frame')}"
+        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual {np.sqrt(np.mean(left**2)):.2g} mm "
+        f"rms, {left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {count_of(len(misfit), 'frame')}"
     )
     odd = misfit > mapping.details["misfit_mm"]
     if not odd.any():
@@ -402,15 +434,17 @@ def _of_cluster(
 def _of_rotation(
     file: C3dFile, segment: str, label: str, window: Integers, mapping: FileMapping
 ) -> tuple[Array, str]:
-    """Return the pose (T, 7) of each point frame; where the group is sampled faster, of those in step."""
+    """Return the pose (T, 7) of each point frame, and a note if the group is sampled faster than the points.
+
+    Of several samples in a point frame the first is used.
+    """
     key = f"{mapping.where}: receivers.{segment}.rotation"
     column = _index(file.path, file.rotation_labels, label, "rotation", key)
     ratio, odd = divmod(len(file.matrices), file.frames)
     if odd or not ratio:
         raise InputError(
             f"{file.path}: has {count_of(len(file.matrices), 'rotation')} for "
-            f"{count_of(file.frames, 'frame')}; "
-            "expected a whole multiple"
+            f"{count_of(file.frames, 'frame')}; expected a multiple of the number of frames"
         )
     matrices = file.matrices[window * ratio, column]
     rotation = proper_rotations(
@@ -426,6 +460,6 @@ def _index(path: Path, labels: Sequence[str], label: str, what: str, key: str) -
     if labels.count(label) == 1:
         return labels.index(label)
     if label in labels:
-        raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {key} needs one")
+        raise InputError(f"{path}: {what} {label!r} occurs more than once; {key} needs a unique label")
     guess = nearest(label, labels) or f", which has {list_names(labels)}"
     raise InputError(f"{key}: {what} {label!r} is not in {path}{guess}")

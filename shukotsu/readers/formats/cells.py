@@ -1,4 +1,4 @@
-"""A file's columns by name, of text or of numbers; a cell that is not what its column holds is refused."""
+"""Convert columns of a file to numbers, times or names; a cell that cannot be converted is an InputError."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _JITTER_S = 3600.0
 _TIME_OF_DAY = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-5]?[0-9]):(?P<s>[0-5]?[0-9](?:[.,][0-9]*)?)$"
 
 DATES = "iso8601"
-"""The unit of times that are written as dates."""
+"""`time_unit` of times that are written as dates."""
 _DATE = (
     r"^(?P<day>\d{4}-\d\d-\d\d)[T ](?P<h>\d\d):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)"
     r" ?(?:Z|z|(?P<sign>[+-])(?P<zone_h>\d\d):?(?P<zone_m>\d\d))?$"
@@ -36,15 +36,24 @@ _IS_TEXT = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_vie
 _TICKS_A_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 _LARGEST_EXACT = 2.0**53
-"""Beyond this a floating-point number no longer tells one whole number from the next."""
+"""Above this, floating-point numbers cannot represent every whole number."""
 
 
 class Cells:
-    """N rows of some columns; every method raises InputError that names the row of the first bad cell.
+    """N rows of some columns; every method raises an InputError that names the row of the first invalid cell.
 
-    locate : row, counted from 0, to file and line, for messages. empty : of columns of text, what means "no
-    value" beside NO_VALUE, and so does any cell that is the same number; None where the file has numbers.
-    decimal : the decimal mark of text. empty_rows : how many without any cell were dropped.
+    Parameters
+    ----------
+    locate : callable
+        Function from a row, counted from 0, to its file and line, for messages.
+    empty : sequence of str, or None
+        Texts that mean "no value" in addition to NO_VALUE; a cell that is numerically equal to one of them is
+        empty, too. None if the file has typed columns instead of text.
+    decimal : str
+        Decimal mark of text.
+    empty_rows : int
+        Number of rows without any cell that were dropped.
+
     """
 
     def __init__(
@@ -58,13 +67,13 @@ class Cells:
     ) -> None:
         self.locate = locate
         self.dropped = (
-            (f"{count_of(empty_rows, 'row')} without any cell {'is' if empty_rows == 1 else 'are'} left out",)
+            (f"{count_of(empty_rows, 'empty row')} {'is' if empty_rows == 1 else 'are'} left out",)
             if empty_rows
             else ()
         )
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
-        self._missing = []  # the numbers that stand for no value, whatever their decimal mark
+        self._missing = []  # numbers that mean "no value", whatever their decimal mark
         for text in empty or ():
             with suppress(ValueError):
                 self._missing += [float(text.replace(",", "."))] if "_" not in text else []
@@ -73,14 +82,14 @@ class Cells:
         self._reals: dict[str, npt.NDArray[np.float64]] = {}
 
     def reals(self, name: str, expected: str = "a number") -> npt.NDArray[np.float64]:
-        """Return numbers, shape (N,); NaN where the cell is empty. expected : for messages."""
+        """Return a column's numbers, shape (N,), NaN for empty cells. expected : for the error message."""
         if name not in self._reals:
             numbers = np.asarray(self._numbers(name, expected).to_numpy(), float)
             self._reals[name] = np.where(np.isin(numbers, self._missing), np.nan, numbers)
         return self._reals[name]
 
     def times_s(self, name: str, unit: str) -> npt.NDArray[np.float64]:
-        """Return times in s, (N,), NaN where empty: numbers of that unit, or dates (ISO 8601), since 1970."""
+        """Return times in s, (N,), NaN if empty: numbers in `unit`, or ISO 8601 dates as s since 1970."""
         column = self._columns[name]
         if self._empty is None or (unit != DATES and _cast(column, pa.float64()) is not None):
             return self.reals(name) * SECONDS_PER_UNIT.get(unit, 1.0)
@@ -103,7 +112,7 @@ class Cells:
         return np.asarray(whole_s + 3600 * (hours - sign * zone_h) + 60 * (minutes - sign * zone_m) + seconds)
 
     def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
-        """Read times as hh:mm:ss, with or without decimals, (N,) in s since midnight; NaN where empty."""
+        """Return times written as hh:mm:ss (decimals allowed) in s since midnight, (N,), NaN if empty."""
         text = _trim(self._columns[name].cast(pa.string()), self._empty or ())
         parts = pc.extract_regex(text, _TIME_OF_DAY)
         odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
@@ -113,7 +122,7 @@ class Cells:
         return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
     def wholes(self, name: str) -> npt.NDArray[np.int64]:
-        """Return whole numbers, shape (N,), 3.0 and 1,001 among them; an empty cell is refused."""
+        """Return whole numbers, shape (N,); 3.0 and 1,001 are accepted, an empty cell is an error."""
         column = self._columns[name]
         exact = None
         if self._empty is not None or pa.types.is_integer(column.type):
@@ -134,13 +143,13 @@ class Cells:
         return reals.astype(np.int64)
 
     def names_in(self, name: str) -> tuple[npt.NDArray[np.int64], list[str]]:
-        """Return text as (N,) indices into a list of names; an empty cell is refused."""
+        """Return a text column as (N,) indices into a list of names; an empty cell is an error."""
         column = self._columns[name]
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
         if not any(is_text(kind) for is_text in _IS_TEXT):
             raise InputError(f"{self._path}: column {name} is {kind}; expected text")
         encoded = column.cast(kind).cast(pa.string()).dictionary_encode().combine_chunks()
-        trimmed = pc.utf8_trim_whitespace(encoded.dictionary)  # a name may be None, or NA
+        trimmed = pc.utf8_trim_whitespace(encoded.dictionary)  # NO_VALUE does not apply: "NA" may be a name
         trimmed = pc.if_else(pc.is_in(trimmed, pa.array(["", *(self._empty or ())])), None, trimmed)
         codes = pc.take(trimmed.dictionary_encode(), encoded.indices)
         self._refuse_first(pc.is_null(codes).to_numpy(zero_copy_only=False), name, "a name")
@@ -150,7 +159,7 @@ class Cells:
         text = column = self._columns[name]
         if self._empty is None:
             if pa.types.is_duration(column.type) or pa.types.is_timestamp(column.type):
-                ticks = column.cast(pa.int64())  # seconds, of a date from 1970 on
+                ticks = column.cast(pa.int64())  # a timestamp counts from 1970
                 return pc.divide(ticks.cast(pa.float64(), safe=False), _TICKS_A_S[column.type.unit])
             is_number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_null)
             if not any(check(column.type) for check in is_number):
@@ -186,10 +195,12 @@ class Cells:
 
 
 def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt.NDArray[np.float64]:
-    """Return times of the day of one clock (N,) as times that go on past midnight, and back before it.
+    """Unwrap times of day (N,) of one clock, in s, so that they continue past midnight.
 
-    start_s : a time that the first one is within half a day of. A step forward of more than half a day is
-    taken for one back over midnight only where it is nearly a day, by a clock's jitter: else it is a pause.
+    A step back by more than half a day is a new day. A step forward by nearly a whole day (within a clock's
+    jitter) is a step back across midnight; a shorter one is a pause.
+
+    start_s : a time less than half a day away from the first one; the first time itself if NaN.
     """
     timed = np.flatnonzero(np.isfinite(time_s))
     start = time_s[timed[:1]] if np.isnan(start_s) else start_s
@@ -211,6 +222,6 @@ def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:
 
 def _trim(text: pa.Array, empty: Sequence[str]) -> pa.Array:
     bare = pc.utf8_trim_whitespace(text)
-    nothing = pc.match_substring_regex(bare, f"^({NO_VALUE})$", ignore_case=True)
-    nothing = pc.or_(nothing, pc.is_in(bare, pa.array(empty, pa.string())))
-    return pc.if_else(nothing, pa.scalar(None, pa.string()), bare)
+    is_empty = pc.match_substring_regex(bare, f"^({NO_VALUE})$", ignore_case=True)
+    is_empty = pc.or_(is_empty, pc.is_in(bare, pa.array(empty, pa.string())))
+    return pc.if_else(is_empty, pa.scalar(None, pa.string()), bare)

@@ -1,4 +1,4 @@
-"""What all readers by mapping share: receivers, orientations of any kind, and their tracks put together."""
+"""Common parts of all readers that use a mapping: receivers, orientations, tracks joined to samples."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 
 _RATE_OFF = 0.1
-"""As a share: how far times may be off the rate that a mapping gives."""
+"""Largest difference between the times' rate and the mapping's rate, as the logarithm of their ratio."""
 LARGEST = 1e20
-"""Beyond what any device measures, whatever the unit."""
+"""Numbers above this, in any unit, are not measurements but markers of missing values."""
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -29,7 +29,7 @@ IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 class Track:
     """One receiver's N samples.
 
-    row : (N,) where each stands in the file; frame : (N,); time_s : (N,), NaN where there is none;
+    row : (N,) row of each sample in the file; frame : (N,) frame numbers; time_s : (N,), NaN if unknown;
     numbers : (N, 7) as in Samples; flags : flag -> (N,) bool.
     """
 
@@ -39,53 +39,54 @@ class Track:
     numbers: Array
     flags: Mapping[str, Bools] = field(default_factory=dict)
 
-    def of(self, samples: npt.NDArray[Any]) -> Track:
-        """Those samples alone, by index or by a boolean for each."""
+    def take(self, samples: npt.NDArray[Any]) -> Track:
+        """Return the selected samples; samples : indices, or a boolean for each sample."""
         flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
         return Track(row, frame, time_s, self.numbers[samples], flags)
 
 
 def without_marks(values: Array) -> Array:
-    """Make numbers NaN that no device measures and that stand for no value, as NDI's -3.697e28."""
+    """Replace numbers too large to be measurements by NaN: missing values such as NDI's -3.697e28."""
     return np.where(np.isfinite(values) & (np.abs(values) > LARGEST), np.nan, values)
 
 
 def snake_case(name: str) -> str:
-    """Write a name as segments' names are: IndexDistal and "index distal" as index_distal."""
+    """Convert a name to the style of segment names: IndexDistal and "index distal" become index_distal."""
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return re.sub(r"[^a-z0-9]+", "_", parted.lower()).strip("_")
 
 
 def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
-    """Return the mapping; InputError where there is none, `what` naming the kind of file."""
+    """Return the mapping, or raise InputError if there is none; what : kind of file, for the message."""
     if mapping is None:
         raise InputError(
-            f"{path}: {what} needs a mapping that says its units and receivers; "
+            f"{path}: {what} needs a mapping that states its units and receivers; "
             f"`shukotsu inspect {path} --write-mapping mapping.yaml` writes one to edit"
         )
     return mapping
 
 
 def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) -> FileMapping:
-    """Return the mapping of a file that describes itself: each of its names, under that key, is a segment.
+    """Build the mapping of a self-describing file, in which each receiver has the name of its segment.
 
-    Raises InputError where there is none.
+    key : key of a receiver's entry that holds the name. Raises InputError if there are no names.
     """
     if not names:
-        raise InputError(f"{where}: names nothing that has a position or an orientation")
+        raise InputError(f"{where}: has no receiver with a position or an orientation")
     receivers = {name: {key: name} for name in names}
     return FileMapping(where, format_, 0.0, None, None, receivers, (), {})
 
 
 def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[str], where: str) -> str:
-    """Return a segment's name in a file that describes itself, by that key of its receiver in the mapping.
+    """Return the name that a segment's receiver has in a self-describing file, from `key` of the mapping.
 
-    Raises InputError where the mapping says nothing, or none of the names, which are those `where` says.
+    names : all receivers in the file; where : the file, for messages. Raises InputError if the mapping has
+    no such key for the segment, or its value is not among the names.
     """
     receiver = f"{mapping.where}: receivers.{segment}"
     if key not in mapping.receivers[segment]:
-        raise InputError(f"{receiver}: has no {key}; say which of the file's it is")
+        raise InputError(f"{receiver}: has no {key}; set it to the receiver's name in the file")
     name = str(mapping.receivers[segment][key])
     if name not in names:
         guess = nearest(name, names)
@@ -96,9 +97,9 @@ def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[s
 
 
 def mapped_segments(mapping: FileMapping, layout: Layout) -> Integers:
-    """Return indices into `layout.measured` of the mapping's receivers and then of its fixed segments.
+    """Return indices into `layout.measured` of the mapping's receivers, followed by its fixed segments.
 
-    Raises InputError where the layout does not know one.
+    Raises InputError if the layout does not have one of them.
     """
     keys = ["receivers"] * len(mapping.receivers) + ["fixed"] * len(mapping.fixed)
     names = [*mapping.receivers, *mapping.fixed]
@@ -113,16 +114,34 @@ def samples_of_tracks(
     notes: Iterable[str] = (),
     losses: Iterable[str] = (),
 ) -> Samples:
-    """Put the tracks of the mapping's receivers, in its order, and its fixed segments into samples.
+    """Join the tracks of the mapping's receivers, in the mapping's order, and its fixed segments to samples.
 
-    locate : row -> file and line. notes, losses : see `Samples`; losses are notes, too. A fixed segment has
-    the identity pose in every frame that there is, at the time of the first receiver that has the frame.
-    Raises InputError where the tracks' times are of another rate than the mapping's.
+    A fixed segment has the identity pose in every frame of the recording, at the time of the first track that
+    has the frame.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        A track for each of the mapping's receivers.
+    mapping : FileMapping
+        Receivers, fixed segments, axes and rate.
+    layout : Layout
+        Layout of the hand.
+    locate : callable
+        Function from a row to its file and line, for messages.
+    notes, losses : iterables of sentences
+        See `Samples`; losses are repeated as notes.
+
+    Raises
+    ------
+    InputError
+        If the rate of the tracks' times contradicts the mapping's rate.
+
     """
     _check_rate(tracks, mapping)
     marks = sum(int(((np.abs(t.numbers) > LARGEST) & np.isfinite(t.numbers)).sum()) for t in tracks)
     if marks:
-        notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
+        notes = [*notes, f"{marks} numbers beyond {LARGEST:g} are missing values: their poses stay gaps"]
         tracks = [replace(track, numbers=without_marks(track.numbers)) for track in tracks]
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
@@ -143,9 +162,10 @@ def samples_of_tracks(
 
 
 def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
-    """Refuse a rate that is neither the median nor the mean one of the times: stamps may be coarse, or lost.
+    """Raise InputError if the mapping's rate agrees with neither the median nor the mean rate of the times.
 
-    Rows that are not in step have the rate of their grid.
+    Either one suffices, because time stamps may be coarse, or rows lost. Receivers that are not in step are
+    not checked: they are put on a grid of the mapping's rate.
     """
     if not mapping.rate_hz or not mapping.details.get("in_step", True):
         return
@@ -158,28 +178,44 @@ def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
         rates_hz = 1 / np.median(steps_s), count / steps_s.sum()
     if all(abs(np.log(rate_hz / mapping.rate_hz)) > _RATE_OFF for rate_hz in rates_hz):
         raise InputError(
-            f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but the file's own times are of "
+            f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but the times in the file have a rate of "
             f"{rates_hz[0]:.4g} Hz; find out which is right, or leave rate_hz out"
         )
 
 
 TOLERANCE = 1e-2
-"""How far a matrix may be off a rotation, element by element of R^T R, and still be rounding."""
+"""Largest element of |R^T R - I| that is accepted as rounding of a rotation matrix."""
 
 
 def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable[[int], str]) -> Array:
-    """Return quaternions that take receiver coordinates to the transmitter frame.
+    """Convert orientations of any kind to quaternions from the receiver's to the transmitter's frame.
 
-    numbers : (N, 4), (N, 3) or (N, 9) as the mapping's `orientation` says, NaN where there is none.
-    locate : row -> file and line, for messages. Returns (N, 4), (w, x, y, z), for angles and matrices unit;
-    a row of angles or of a matrix that lacks a number is NaN altogether, one with an infinite number
-    infinite. Raises InputError at the first matrix that is no rotation.
+    Parameters
+    ----------
+    numbers : array, shape (N, 4), (N, 3) or (N, 9)
+        Quaternions, Euler angles or matrices (row by row), NaN where a value is missing.
+    orientation : mapping
+        The mapping's `orientation` group: kind, order, axes, unit, direction.
+    locate : callable
+        Function from a row to its file and line, for messages.
+
+    Returns
+    -------
+    array, shape (N, 4)
+        Quaternions (w, x, y, z). Those computed from angles or matrices are unit quaternions; their row is
+        all NaN if a number is missing, all infinite if one is infinite.
+
+    Raises
+    ------
+    InputError
+        At the first matrix that is not a rotation.
+
     """
     kind = orientation["kind"]
     if kind == "quaternion":
         turned = numbers[:, [orientation["order"].index(part) for part in "wxyz"]]
     elif kind == "euler":  # Polhemus azimuth, elevation, roll are ZYX (LIBERTY user manual, attitude matrix)
-        # R = R_a(first) R_b(second) R_c(third): each turn is about the receiver's axes as they then stand
+        # R = R_a(first) R_b(second) R_c(third): intrinsic rotations, each about the already rotated axes
         angles_rad = np.radians(numbers) if orientation["unit"] == "deg" else numbers
         angles_rad = np.where(np.isfinite(angles_rad), angles_rad, np.nan)
         axes = [np.eye(3)["XYZ".index(axis)] for axis in orientation["axes"]]
@@ -194,10 +230,10 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
 
 
 def proper_rotations(matrices: Array, locate: Callable[[int], str]) -> Array:
-    """Return the rotation nearest to each matrix, shape (N, 3, 3); NaN where a number is missing or infinite.
+    """Return the nearest rotation to each matrix, shape (N, 3, 3); NaN if a number is missing or infinite.
 
-    Raises InputError at the first that is mirrored or off by more than TOLERANCE: it is no rounded rotation,
-    and the nearest one would be arbitrary.
+    Raises InputError at the first matrix that is mirrored or deviates by more than TOLERANCE: it is not a
+    rounded rotation, so that the nearest one would be arbitrary.
     """
     rotations = np.full(matrices.shape, np.nan)
     whole = np.isfinite(matrices).all((-2, -1))
@@ -209,13 +245,13 @@ def proper_rotations(matrices: Array, locate: Callable[[int], str]) -> Array:
     if bad.any():
         first = int(np.argmax(bad))
         what = (
-            f"the matrix is no rotation: its columns are off unit length and right angles by "
-            f"{off[first]:.3g}; expected {TOLERANCE} at most; check which numbers these are"
+            f"the matrix is not a rotation: its columns are off unit length and right angles by "
+            f"{off[first]:.3g}; expected {TOLERANCE} at most; check that these are the right columns"
         )
         if mirrored[first] and off[first] <= TOLERANCE:
             what = (
                 "the rotation is mirrored (determinant -1); expected a right-handed one (+1); "
-                "an axis was negated on the way, so export it again from a right-handed system"
+                "an axis was negated somewhere, so export the file again in a right-handed coordinate system"
             )
         if not some[first].any():
             what = "the rotation is all zeros; zeros that stand for missing values must be written as NaN"

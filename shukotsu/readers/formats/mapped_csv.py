@@ -1,4 +1,4 @@
-"""Tables as text by mapping: a row a frame (wide) or a row a receiver and frame (long)."""
+"""Read text tables by a mapping: one row per frame (wide), or one row per receiver and frame (long)."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from shukotsu.tables.limits import SECONDS_PER_UNIT
 TIME_OF_DAY = "hh:mm:ss"
 
 _MOST_FRAMES = 2.0**40
-"""From the middle of a recording; a hundred years at 240 Hz, and frames are still told apart."""
+"""Largest distance from the median time, in frames: a century at 240 Hz; a float still resolves frames."""
 
 
 @dataclass(frozen=True)
 class _Source:
-    """Where a receiver's numbers are: titles of columns, and (N,) its rows."""
+    """Columns (by title) and rows (N,) of a receiver's numbers."""
 
     position: Sequence[str]
     orientation: Sequence[str]
@@ -45,14 +45,14 @@ class _Source:
 
     @property
     def titles(self) -> list[str]:
-        """All columns."""
+        """Titles of all columns of this receiver."""
         single = [title for title in (self.time, self.quality) if title is not None]
         return [*self.position, *self.orientation, *single]
 
 
 def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
-    """Read a table as the mapping's `csv` group says. Raises InputError where the table is another."""
-    mapping = required_mapping(path, mapping, "a table that is no tidy recording")
+    """Read a table as the mapping's `csv` group describes. Raises InputError if the table does not match."""
+    mapping = required_mapping(path, mapping, "a table that is not a tidy recording")
     mapped_segments(mapping, layout)
     table = mapping.details
     text, where = open_table_text(path, table), f"{mapping.where}: csv"
@@ -69,7 +69,7 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     titles += [title for source in sources.values() for title in source.titles]
     cells = text.cells(titles)
     notes = [*cells.dropped]
-    every = np.arange(cells.rows)  # shared by all receivers
+    every = np.arange(cells.rows)  # one array for all receivers saves memory
     if receiver is None:
         users: dict[str, list[str]] = {}
         for segment, source in sources.items():
@@ -95,7 +95,7 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     else:
         placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
     locate = cells.locate
-    del cells, tracks  # text and numbers, more than the file, before all is put together
+    del cells, tracks  # larger than the file: free them before the samples are joined
     pa.default_memory_pool().release_unused()
     return samples_of_tracks(placed, mapping, layout, locate, notes, losses)
 
@@ -116,7 +116,7 @@ def _title(text: TextTable, group: Mapping[str, Any], key: str, where: str) -> s
 def _rows_of_receivers(
     cells: Cells, name: str, mapping: FileMapping, notes: list[str]
 ) -> dict[str, Integers]:
-    """Return rows of each segment by the receiver column; what no segment names is left out."""
+    """Return the rows of each segment by the receiver column; receivers not in the mapping are left out."""
     codes, names = cells.names_in(name)
     counts = dict(zip(names, np.bincount(codes, minlength=len(names)), strict=True))
     values = {segment: str(receiver["value"]) for segment, receiver in mapping.receivers.items()}
@@ -128,18 +128,21 @@ def _rows_of_receivers(
     if not any(len(rows) for rows in rows_of.values()):
         wanted = ", ".join(sorted({*values.values()}))
         raise InputError(
-            f"{mapping.where}: receivers: none of the values {wanted} stands in "
+            f"{mapping.where}: receivers: none of the values {wanted} occurs in "
             f"column {name} of the table, which has {', '.join(sorted(names)[:20])}"
         )
     left = {word: counts[word] for word in names if word not in values.values()}
     if left:
         rows = ", ".join(f"{word} ({count_of(count, 'row')})" for word, count in sorted(left.items()))
-        notes.append(f"receivers that the mapping names no segment for are left out: {rows}")
+        notes.append(f"receivers without a segment in the mapping are left out: {rows}")
     return rows_of
 
 
 def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: Integers) -> Track:
-    """Return a receiver's rows in the file's order, numbered from 0 for frames; every : row of the table."""
+    """Return a receiver's track in the file's order, its frames numbered from 0.
+
+    every : array 0, 1, 2, ... of at least as many entries, of which the frame numbers are a view.
+    """
     rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
     turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
@@ -147,19 +150,19 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     low = np.zeros(len(rows), bool)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]
-        low = ~(quality <= mapping.details.get("quality_above", np.inf))  # where it is empty, too
+        low = ~(quality <= mapping.details.get("quality_above", np.inf))  # True for an empty cell (NaN), too
         low |= quality < mapping.details.get("quality_below", -np.inf)
     numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
-    none = np.full(len(rows), np.nan)
-    return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low})
+    unknown_s = np.full(len(rows), np.nan)
+    return Track(rows, every[: len(rows)], unknown_s, numbers, {"low-quality": low})
 
 
 def _times(
     cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping, nanoseconds: str | None
 ) -> dict[str, Array]:
-    """Return times in s of each receiver's rows; NaN: none. Each clock's day begins at midnight.
+    """Return the times in s of each receiver's rows, NaN if unknown; times of day continue past midnight.
 
-    nanoseconds : the column of those that are added to all times.
+    nanoseconds : title of the column whose nanoseconds are added to all times, if any.
     """
     times_s: dict[str, Array] = {}
     start_s = np.nan
@@ -185,8 +188,10 @@ def _in_step(
     mapping: FileMapping,
     notes: list[str],
 ) -> tuple[list[Track], list[str]]:
-    """Return rows as frames, and what is lost, a sentence each: as they are numbered by frames (N,), of long
-    rows as their times say, else as they come.
+    """Assign rows to frames; return the tracks and a sentence for each loss.
+
+    Rows are numbered by the frame column (`frames`, (N,)) if there is one. Long rows without it are assigned
+    by their times, else by the cycle of station numbers, else by their order; wide rows by their order.
     """
     losses: list[str] = []
     if frames is not None:
@@ -202,15 +207,14 @@ def _in_step(
         notes += more
     elif long and (rounds := _rounds(tracks, mapping)):
         tracks = rounds
-    elif long:  # they belong together only where every receiver has as many
+    elif long:  # the n-th rows of all receivers form frame n, if all have the same number of rows
         counts = {segment: len(track.row) for segment, track in tracks.items() if len(track.row)}
         if len(set(counts.values())) > 1:
             least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
             raise InputError(
-                f"{path}: has {count_of(counts[most], 'row')} of {most} and {counts[least]} of "
-                f"{least}; which belong "
-                f"together is told by a frame or a time column only: name it as `frame` or `time` in "
-                f"{mapping.where}, or say in_step: false"
+                f"{path}: has {count_of(counts[most], 'row')} of {most} and {counts[least]} of {least}; only "
+                "a frame or time column can show which of them belong together: name it as `frame` or `time` "
+                f"in {mapping.where}, or set in_step: false"
             )
     start = 0 if frames is None else int(frames.min())
     placed = []
@@ -227,7 +231,10 @@ def _finite(time_s: Array) -> Array:
 
 
 def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Track]:
-    """Number rows of stations that go round by their rounds, which may lack rows; empty: they do not."""
+    """Number the frames of long rows whose station numbers repeat in ascending cycles, one cycle per frame.
+
+    A cycle may lack rows. Returns an empty dictionary if the rows do not come in such cycles.
+    """
     values = [str(mapping.receivers[segment]["value"]) for segment in tracks]
     if not all(value.isdecimal() for value in values):
         return {}
@@ -243,21 +250,21 @@ def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Trac
 
 
 def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: list[str]) -> list[Track]:
-    """Put each receiver's new values on the nearest frame of a grid that starts with the earliest of them.
+    """Put each receiver's new values on the nearest frame of a regular grid that starts at the earliest one.
 
-    A value that repeats the one before is no sample; of two on one frame the nearer is kept.
+    A value that repeats the previous one is dropped; of two values on one frame the nearer one is kept.
     """
-    timed: dict[str, Track] = {}  # samples with a time that bring another value than the one before
+    timed: dict[str, Track] = {}  # samples that have a time and differ from the previous sample
     for segment, track in tracks.items():
-        some = track.of(np.asarray(np.isfinite(track.numbers).any(-1)))
+        some = track.take(np.asarray(np.isfinite(track.numbers).any(-1)))
         before, after = some.numbers[:-1], some.numbers[1:]
         fresh = np.isfinite(some.time_s)
         fresh[1:] &= ~((after == before) | (np.isnan(after) & np.isnan(before))).all(-1)
-        timed[segment] = some.of(fresh)
+        timed[segment] = some.take(fresh)
     every_s = np.concatenate([new.time_s for new in timed.values()])
     middle_s = float(np.median(every_s)) if len(every_s) else np.nan
     changes = {
-        segment: new.of(np.asarray(np.abs(new.time_s - middle_s) * rate_hz < _MOST_FRAMES))
+        segment: new.take(np.asarray(np.abs(new.time_s - middle_s) * rate_hz < _MOST_FRAMES))
         for segment, new in timed.items()
     }
     starts = [float(new.time_s.min()) for new in changes.values() if len(new.row)]
@@ -270,13 +277,14 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
         nearest_first = np.lexsort((np.abs(at - frame), frame))
         _, first = np.unique(frame[nearest_first], return_index=True)
         kept = np.sort(nearest_first[first])
-        placed.append(replace(new, frame=frame).of(kept))
+        placed.append(replace(new, frame=frame).take(kept))
         notes.append(
             f"segment {segment}: {count_of(len(at), 'new value')} in "
-            f"{count_of(len(tracks[segment].row), 'row')}; "
-            f"{len(at) - len(kept)} left out because another was nearer to the same frame of {rate_hz:g} Hz"
+            f"{count_of(len(tracks[segment].row), 'row')}; {len(at) - len(kept)} left out because another "
+            f"was nearer to the same frame of {rate_hz:g} Hz"
         )
         if lost := len(timed[segment].row) - len(at):
-            why = "whose times are years off the others'"
-            notes.append(f"segment {segment}: {lost} new values left out, {why}")
+            notes.append(
+                f"segment {segment}: {lost} new values left out: their times are years off all others"
+            )
     return placed

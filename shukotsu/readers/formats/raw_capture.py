@@ -1,4 +1,4 @@
-"""A raw capture as samples: decoded, stations mapped to segments, what the tracker said kept as flags."""
+"""Read a raw capture as samples: records decoded, stations mapped to segments, tracker reports as flags."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.survey import UNUSABLE, findings, flagged_records, survey_archive
 
 _KEPT = ("device-error", "device-warning", "distorted")
-"""Flags of records that become flags of poses under the same name."""
+"""Flags of records that are kept as flags of poses, with the same names."""
 
 
 def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
-    """Read a raw capture part by part; the first part has what is to be said of the whole.
+    """Read a raw capture part by part; the first part has the notes, losses and counts of the whole capture.
 
-    Whose record is which segment's is told by the mapping, or else by the layout's `receiver:` numbers. A
-    record whose station or frame cannot be believed is left out and counted. Raises InputError where the file
-    is no capture, holds no pose or none of a segment of the layout.
+    The mapping assigns stations to segments; without a mapping, the layout's `receiver:` numbers do. Records
+    with an implausible station or frame are left out and counted. Raises InputError if the file is not a
+    capture, has no pose, or none of a segment of the layout.
     """
     archive = open_archive(path)
     survey = survey_archive(archive)
     losses = tuple(findings(survey))
     if not survey.records:
-        raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
+        raise InputError(f"{path}: contains no pose ({'; '.join(losses)}); record again")
     segment_of = segments_of_receivers(path, survey.settings, {*survey.records}, layout, mapping)
     there, named = {*survey.records}, {*segment_of}
     if not there & named:
@@ -67,15 +67,15 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
             )
             notes, losses, missing_frames = (), (), 0
     if empty:
-        raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")
+        raise InputError(f"{path}: contains no usable pose ({'; '.join(losses)}); record again")
 
 
 def segments_of_receivers(
     path: Path, settings: StreamSettings, there: Collection[int], layout: Layout, mapping: FileMapping | None
 ) -> dict[int, int]:
-    """Return by station its index into `layout.measured`; there : the stations that sent anything.
+    """Return the index into `layout.measured` of each station; there : the stations that sent records.
 
-    Raises InputError where a mapping is of another recording.
+    Raises InputError if the mapping has another unit or other stations than the capture.
     """
     if mapping is not None:
         unit = mapping.config["position_unit"]

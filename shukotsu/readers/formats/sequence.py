@@ -1,4 +1,4 @@
-"""Sequence files of PLUS and 3D Slicer (.mha, .nrrd): transforms, their status and times in the header."""
+"""Read sequence files of PLUS and 3D Slicer (.mha, .nrrd): transforms, status and times from the header."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ _FIELD = re.compile(rb"Seq_Frame(\d{1,9})_(?:Timestamp|(\w+?)Transform(Status)?)
 
 
 def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
-    """Read the transforms, in mm, of the mapping's receivers, or of all tools that are segments.
+    """Read the transforms of the mapping's receivers; without a mapping, of all tools named as segments (mm).
 
-    Frames are counted from 0. Raises InputError where the header is cut off or what is OK is no pose.
+    Frames are counted from 0. Raises InputError if the header is truncated, or a transform with status OK is
+    not a rigid pose.
     """
     transforms, time_s = open_sequence(path)
     tools = tools_of(transforms)
@@ -57,16 +58,16 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
-    """Name transforms by their tools, such as index_distal of IndexDistalToTracker; whole if of several."""
+    """Return tool names of transforms: index_distal for IndexDistalToTracker, the full name if ambiguous."""
     short = [snake_case(re.sub(r"(?<=.)To[A-Z]\w*$", "", name)) for name in transforms]
     pairs = zip(short, transforms, strict=True)
     return {tool if short.count(tool) == 1 else snake_case(name): name for tool, name in pairs}
 
 
 def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
-    """Read transforms by name (T, 4, 4) and times (T,), NaN where there is none or its status is not OK.
+    """Read transforms by name, (T, 4, 4), NaN if missing or not OK, and times in s, (T,), NaN if missing.
 
-    Nothing of the images is read. Raises InputError where the header is cut off, or none of a sequence.
+    Images are not read. Raises InputError if the header is truncated or is not a sequence's header.
     """
     values: dict[str, dict[int, Array]] = {}
     for number, line in enumerate(_header(path), 1):
@@ -81,21 +82,22 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
             what = "16 numbers" if name else "a time"
             raise InputError(f"{path}: line {number}: expected {what}") from None
         by_frame = values.setdefault(name, {})
-        by_frame[frame] = numbers + 0 * by_frame.get(frame, 0.0)  # NaN stays
+        by_frame[frame] = numbers + 0 * by_frame.get(frame, 0.0)  # stays NaN if the status was not OK
     frames = sorted(set[int]().union(*values.values()))
     times = values.pop("", {})
     if not values:
-        raise InputError(f"{path}: its header has no transform of a frame; expected {EXPECTED}")
+        raise InputError(f"{path}: its header has no transforms; expected {EXPECTED}")
     check_expansion(path, 16 * 8 * len(frames) * len(values), lambda: "its transforms hardly share a frame")
-    none = np.full((4, 4), np.nan)
+    missing = np.full((4, 4), np.nan)
     transforms = {
-        name: np.stack([by_frame.get(frame, none) for frame in frames]) for name, by_frame in values.items()
+        name: np.stack([by_frame.get(frame, missing) for frame in frames])
+        for name, by_frame in values.items()
     }
-    return transforms, np.array([times.get(frame, none[0])[0] for frame in frames])
+    return transforms, np.array([times.get(frame, missing[0])[0] for frame in frames])
 
 
 def _header(path: Path) -> Iterator[bytes]:
-    """Return the header's lines: of NRRD up to an empty line, of MetaIO up to where its data are."""
+    """Yield the header's lines: up to an empty line (NRRD), or up to `ElementDataFile` (MetaIO)."""
     with reading(path, EXPECTED), open_text(path, EXPECTED) as stream:
         nrrd = stream.read(4) == b"NRRD"
         stream.seek(0)
@@ -103,4 +105,4 @@ def _header(path: Path) -> Iterator[bytes]:
             yield line
             if (nrrd and not line.strip()) or line.startswith(b"ElementDataFile"):
                 return
-        raise InputError(f"{path}: its header has no end; expected {EXPECTED}, copied whole")
+        raise InputError(f"{path}: its header is cut off; expected {EXPECTED}; copy it again")

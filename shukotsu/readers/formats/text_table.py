@@ -1,6 +1,6 @@
-"""A table as text in whatever form a program gave it: separators, comments, decimal commas, no header.
+"""Read text tables in any layout: separators, comments, decimal commas, with or without a header.
 
-What is wrong with its lines is looked for when something is.
+Only if pyarrow cannot parse a table is it searched for the faulty line.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from shukotsu.tables.text_files import (
 )
 
 READ_BYTES = 8 << 20
-"""How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
+"""Text that is parsed at a time: some ten thousand rows, and more than the longest line."""
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
-"""Runs of blanks are made one tab before anything else reads them."""
+"""Separator by the mapping's name; runs of blanks are first replaced by one tab (see `_normalise`)."""
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table's text.
+    """Text of a table, and how to parse it.
 
-    open : gives its bytes from the start. header : names of the columns, their numbers from 1 where the text
-    names none; titles : what they go by, no two the same. header_lines : up to and with the header.
-    expected : how many cells a row must have, in words. empty : further texts that mean "no value". ended :
-    whether the last line has its end.
+    open : returns a stream of its bytes. header : names of the columns, or their numbers from 1 if the text
+    has no names; titles : the same, made unique. header_lines : number of lines up to and including the
+    header. expected : how many cells a row must have, for messages. empty : additional texts that mean "no
+    value". ended : whether the last line is complete.
     """
 
     path: Path
@@ -64,13 +64,13 @@ class TextTable:
     ended: bool = True
 
     def cut_off(self, wanted: Iterable[str]) -> str:
-        """Format that the last row is left out, as it is where its last cell is wanted and may be cut off."""
+        """Return a sentence if the last row is dropped because its last cell is needed and may be cut off."""
         if self.ended or self.titles[-1] not in wanted:
             return ""
         return "the last line has no line end, so its last number may be cut off: the row is left out"
 
     def column(self, wanted: str | int, key: str) -> str:
-        """Return the title of a column by name or by number from 1; key : the mapping's, for messages."""
+        """Return the title of a column given by name or number (from 1); key : mapping key, for messages."""
         if isinstance(wanted, int):
             if not 1 <= wanted <= len(self.header):
                 raise InputError(f"{key}: there is no column {wanted}; {self.path} has {len(self.header)}")
@@ -86,7 +86,7 @@ class TextTable:
         raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
 
     def cells(self, wanted: Sequence[str]) -> Cells:
-        """Read the columns of those titles. Raises InputError as `blocks` does, and where there is no row."""
+        """Read the wanted columns. Raises InputError as `blocks` does, and if there are no rows."""
         tables = list(self._tables(list(dict.fromkeys(wanted)), READ_BYTES))
         filled = np.concatenate([[], *(~_empty_rows(table) for table in tables)])
         if not filled.any():
@@ -95,9 +95,9 @@ class TextTable:
         return self._cells(pa.concat_tables(tables), np.arange(np.flatnonzero(filled)[-1] + 1))
 
     def blocks(self, wanted: Sequence[str], read_bytes: int = READ_BYTES) -> Iterator[Cells]:
-        """Read the columns of those titles, so much text at a time.
+        """Read the wanted columns in blocks of `read_bytes` of text.
 
-        Raises InputError where the text is no table, or a row has another number of cells than it must have.
+        Raises InputError if the text is not a table, or a row has a wrong number of cells.
         """
         start = 0
         for table in self._tables(list(wanted), read_bytes):
@@ -105,7 +105,7 @@ class TextTable:
             start += table.num_rows
 
     def _cells(self, table: pa.Table, rows: npt.NDArray[np.int64], start: int = 0) -> Cells:
-        """Return those rows of a table that starts with that row of the file; the others are empty."""
+        """Return the selected rows of a block; the others are empty. start : the block's first row."""
         empty_rows = table.num_rows - len(rows)
 
         def locate(row: int) -> str:
@@ -116,7 +116,7 @@ class TextTable:
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0
-        # One thread: of several, each has a block at work and others ahead.
+        # one thread, because each further thread keeps several blocks in memory
         read = pa_csv.ReadOptions(
             use_threads=False,
             block_size=read_bytes,
@@ -132,7 +132,7 @@ class TextTable:
         )
         with reading(self.path), self.open() as stream:
             self._refuse_long_lines(stream)
-            # no Python in what pyarrow reads, which aborts a process that ends while it reads on
+            # pyarrow must not read from a Python object: its thread aborts a process that exits meanwhile
             text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
             held: list[pa.Table] = []
             with pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text) as source:
@@ -152,29 +152,30 @@ class TextTable:
             if letters + (first.start() if first else len(piece)) > LINE_LETTERS:
                 raise InputError(f"{self.path}: line {line}: has more than {LINE_LETTERS} letters")
             last = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
-            letters, line = len(piece) - last - 1 + letters * (last < 0), line + piece.count(b"\n")
+            letters = letters + len(piece) if last < 0 else len(piece) - last - 1
+            line += piece.count(b"\n")
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
-        """Return every row, without empty lines, with the number of its (last) line."""
+        """Return an iterator over all non-empty rows, each with the number of its (last) line."""
         records = text_records(self.open(), self.separator)
         return itertools.dropwhile(lambda record: record[0] <= self.header_lines, records)
 
     def _place(self, row: int) -> str:
-        """Return file and line of a row, as an editor counts lines."""
-        with suppress(csv.Error):  # a cell that is too long, in a row before
+        """Return the file and line of a row, with lines counted as in an editor."""
+        with suppress(csv.Error):  # a previous row has a cell that is too long
             for line, _ in itertools.islice(self._records(), row, None):
                 return f"{self.path}: line {line}"
         return f"{self.path}: row {row + 1}"
 
     def _refuse_lines(self, error: Exception) -> None:
-        """Name the line that pyarrow stumbled over; do nothing where there is no row at all."""
+        """Raise InputError for the line that pyarrow could not parse; do nothing if there are no rows."""
         last = 0
         try:
             for line, record in self._records():
                 if len(record) != len(self.header) and last and line > last + 1 and len(record) < 3:
                     raise InputError(
                         f"{self.path}: line {line}: another table seems to begin here, after an empty line; "
-                        "expected one: put each into a file of its own"
+                        "expected only one: put each table into a separate file"
                     )
                 last = line
                 if len(record) != len(self.header):
@@ -193,7 +194,7 @@ class TextTable:
 
 
 def text_records(stream: BinaryIO, separator: str) -> Iterator[tuple[int, list[str]]]:
-    """Return every record that is not an empty line, with the number of its (last) line."""
+    """Yield every record that is not an empty line, with the number of its (last) line."""
 
     def lines(text: io.TextIOWrapper) -> Iterator[str]:
         while line := text.readline(LINE_LETTERS + 1):
@@ -207,12 +208,12 @@ def text_records(stream: BinaryIO, separator: str) -> Iterator[tuple[int, list[s
 
 
 def _empty_rows(table: pa.Table) -> npt.NDArray[np.bool_]:
-    """Return which rows have no cell that is not empty, (N,), as an editor leaves them below a table."""
+    """Return which rows are entirely empty, (N,); spreadsheet programs append such rows to a table."""
     return np.asarray(functools.reduce(pc.and_, map(pc.is_null, table.columns)).to_numpy())
 
 
 def _undecodable(path: Path, stream: BinaryIO) -> InputError:
-    """Name the first line that is not UTF-8."""
+    """Return an InputError that names the first line that is not UTF-8."""
     with stream:
         for number, line in enumerate(iter(partial(stream.readline, 4 * LINE_LETTERS), b""), 1):
             try:
@@ -223,9 +224,9 @@ def _undecodable(path: Path, stream: BinaryIO) -> InputError:
 
 
 def open_tidy_csv(path: Path) -> TextTable:
-    """Open a table as text with a header, commas or tabs, and decimal points.
+    """Open a text table that has a header, commas or tabs, and decimal points.
 
-    Raises InputError where the file cannot be read, is empty or is not UTF-8.
+    Raises InputError if the file cannot be read, is empty or is not UTF-8.
     """
     with reading(path), open_text(path) as stream:
         first = stream.readline(LINE_LETTERS)
@@ -245,17 +246,17 @@ def open_tidy_csv(path: Path) -> TextTable:
 
 
 def is_ended(data: bytes) -> bool:
-    """Return whether the last line of a text is whole, so that no number there can be cut off.
+    """Return whether the last line of a text is complete, so that its last number cannot be cut off.
 
-    An editor may leave a whole line without its end: a closing quotation mark or a blank then tells as well.
+    A line without a line end is complete, too, if it ends in a quotation mark or a blank.
     """
     return data[-1:] in (b"\n", b"\r", b" ", b'"')
 
 
 def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
-    """Open a table's text as the mapping's `csv` group says.
+    """Open a text table as described by the mapping's `csv` group.
 
-    Raises InputError where it cannot be read, is not UTF-8 or is empty.
+    Raises InputError if it cannot be read, is not UTF-8 or is empty.
     """
     with reading(path, "a table as text"):
         data = read_whole(path, "a table as text")
@@ -266,12 +267,10 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     if not records:
         raise InputError(f"{path}: is empty; expected a table")
     names, width = records[0][1] if details["header"] else [""] * len(records[0][1]), len(records[-1][1])
-    # the row of names may end in a separator, or the others do
+    # either the header or the other rows may end in a separator
     names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
     names = [name.strip() for name in names[:width]]
-    expected = (
-        f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
-    )
+    expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter than in the mapping)"
     header = names if details["header"] else map(str, range(1, len(names) + 1))
     return TextTable(
         path,
@@ -288,7 +287,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
 
 def _titles(names: Sequence[str]) -> tuple[str, ...]:
-    """Return columns' titles: their names, with #1, #2 where several have one, or "number 4" without any."""
+    """Return unique column titles: the name, or "name #1", "name #2" if repeated, "number 4" if empty."""
     counts, numbers = Counter(names), defaultdict[str, Iterator[int]](partial(itertools.count, 1))
     return tuple(
         f"number {index}" if not name else f"{name} #{next(numbers[name])}" if counts[name] > 1 else name
@@ -309,10 +308,10 @@ def _first_records(
 
 
 def _normalise(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
-    """Return the text without indents, skipped lines and comments emptied, so that lines keep numbers."""
+    """Return the text without indents; skipped lines and comments become empty to keep line numbers valid."""
     refuse_other_kind(path, data[:8], "a table as text")
     data = utf8_bytes(path, data)
-    if not data.isascii():  # ASCII needs no decoding, which would cost memory
+    if not data.isascii():  # decoding costs memory, and ASCII needs no check
         decode_text(path, data, "a table as text")
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:

@@ -1,4 +1,4 @@
-"""The tidy recording: one row a receiver and frame, as CSV or Parquet (docs/recordings.md)."""
+"""Read tidy recordings: one row per receiver and frame, as CSV or Parquet (docs/recordings.md)."""
 
 from __future__ import annotations
 
@@ -22,38 +22,38 @@ from shukotsu.tables.poses import NUMBERS
 
 SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)
-"""Beside these one of `segment` and `receiver`; any other column is left alone."""
+"""Required columns, with one of `segment` and `receiver`; all other columns are ignored."""
 BLOCK_ROWS = 1 << 16
 
 _READ_BYTES = 1 << 20
-"""How much of a Parquet column is read at a time: one row group may hold the whole recording."""
+"""Part of a Parquet column that is read at a time: one row group may contain the whole recording."""
 COMMENTS = ("#", "%", "//")
-"""What the first line of a table with comments starts with."""
+"""Beginnings of comment lines."""
 
 
 def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
-    """Read a tidy table as text (commas or tabs, points) in parts. Raises InputError where it is none."""
+    """Read a tidy text file (commas or tabs, decimal points) in parts. Raises InputError if it is not one."""
     table = open_tidy_csv(path)
     wanted = wanted_columns(path, table.header)
     return _parts(table.blocks(wanted), path, layout, table.cut_off(wanted))
 
 
 def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
-    """Read a tidy Parquet file in parts. Raises InputError where it is none."""
+    """Read a tidy Parquet file in parts. Raises InputError if it is not one."""
     with open_recording(path) as file:
         blank = any(name != name.strip() for name in file.schema_arrow.names)
-    note = "names of columns have blanks round them, which are dropped"
+    note = "leading and trailing blanks of column names are removed"
     return _parts(parquet_blocks(path), path, layout, notes=(note,) if blank else ())
 
 
 def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
-    """Return the columns of a tidy recording, some rows at a time, in whatever number types they are."""
+    """Yield the columns of a tidy recording, `block_rows` rows at a time, with the file's number types."""
     start = 0
     with open_recording(path) as file:
         written = {name.strip(): name for name in file.schema_arrow.names}
         names = wanted_columns(path, [name.strip() for name in file.schema_arrow.names])
         for batch in file.iter_batches(block_rows, columns=[written[name] for name in names]):
-            batch.validate(full=True)  # texts are UTF-8
+            batch.validate(full=True)  # checks that text is UTF-8
             batch = batch.rename_columns([name.strip() for name in batch.schema.names])
             table = pa.Table.from_batches([batch])
             yield Cells(path, table, lambda row, start=start: f"{path}: row {start + row + 1}")  # type: ignore[misc]
@@ -62,7 +62,7 @@ def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
 
 @contextmanager
 def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a Parquet file. Raises InputError where it is absent, is none or is damaged further on."""
+    """Open a Parquet file. Raises InputError if it does not exist, is not a Parquet file or is damaged."""
     expected, remedy = "a recording", "copy it again"
     with naming_damage(path, remedy), open_parquet(path, expected, remedy, _READ_BYTES) as file:
         yield file
@@ -71,7 +71,7 @@ def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
 def _parts(
     blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "", notes: tuple[str, ...] = ()
 ) -> Iterator[Samples]:
-    """Return the samples of a recording's parts; loss : what is lost of it, said once, as notes are."""
+    """Yield the samples of a recording's parts; loss (a sentence, or "") and notes go with the first part."""
     empty, losses = True, (loss,) if loss else ()
     for cells in blocks:
         if cells.rows:
@@ -83,9 +83,9 @@ def _parts(
 
 
 def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
-    """Return the columns to read, of those that the file has.
+    """Return the columns to read, out of the file's header.
 
-    Raises InputError where one is missing, is given twice, or the receiver is named in two ways.
+    Raises InputError if one is missing or occurs twice, or if both `segment` and `receiver` are present.
     """
     if SEGMENT in header and RECEIVER in header:
         raise InputError(f"{path}: has both columns {SEGMENT} and {RECEIVER}; keep one of them")
@@ -96,14 +96,14 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
         what, do = "", "save with commas, and points in the numbers"
         what = "the cells are separated by semicolons" if ";" in "".join(header) else ""
         if "".join(header).lstrip().startswith(COMMENTS):
-            what, do = "the first line is a comment", "take it out"
+            what, do = "the first line is a comment", "delete it"
         if what:
             raise InputError(
                 f"{path}: no columns of a tidy recording; {what}: {do}, or "
                 f"`shukotsu inspect {path}` shows how to read it as it is"
             )
         lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
-        do = "; column names are written in lower case" * lower
+        do = "; column names are written in lower case" if lower else ""
         do += f"; `shukotsu inspect {path}` shows how to read another table as it is"
         present = list_names([name for name in header if name])
         raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")
@@ -115,12 +115,12 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
 
 
 def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
-    """Turn cells into samples. Raises InputError where a cell is not what its column holds."""
+    """Convert cells to samples. Raises InputError if a cell is not valid for its column."""
     if SEGMENT in cells.names:
         segment = segments_of_names(*cells.names_in(SEGMENT), layout, cells.locate)
     elif all(layout.segments[name].receiver is None for name in layout.measured):
         raise InputError(
-            f"{path}: names receivers by station number, but layout {layout.name} gives its segments none; "
+            f"{path}: identifies receivers by station number, but layout {layout.name} has no stations; "
             f"add `receiver:` to the layout's segments or use a {SEGMENT} column"
         )
     else:

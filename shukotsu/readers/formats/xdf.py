@@ -1,4 +1,4 @@
-"""XDF: a stream of type MoCap as LabStreamingLayer records it (XDF's MoCap meta-data)."""
+"""Read a stream of type MoCap from an XDF file, as LabStreamingLayer records it (XDF's MoCap metadata)."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from shukotsu.tables.xdf_streams import (
 def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read a MoCap stream: PositionX, Y, Z and OrientationA, B, C, D of every marker or object.
 
-    Without a mapping each must be a segment of the layout. Time stamps are those of the file, corrected by
-    its clock offsets where it has any, and not smoothed; samples are counted from 0 as frames; NaN is a gap.
-    Raises InputError where the stream is not to be told, is damaged or has a unit that is not known.
+    Without a mapping each of them must be a segment of the layout. Time stamps are the file's, corrected by
+    its clock offsets if it has any, but not smoothed; frames are samples counted from 0; NaN is a gap. Raises
+    InputError if the choice of stream is ambiguous, or the stream is damaged or has an unknown unit.
     """
     stream = _chosen_stream(path, mapping)
     where = f"{path}: stream {stream.name}"
     if stream.format not in NUMBERS:
-        raise InputError(f"{where}: holds {stream.format or 'no format'}; expected numbers")
+        raise InputError(f"{where}: has format {stream.format or 'none'}; expected numbers")
     read = load_stream(path, stream)
     if len(read.channels) != stream.channel_count:
         raise InputError(
@@ -49,7 +49,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     posed = owners(read.channels)
     mapping = mapping or implied_mapping(where, "xdf", "value", posed)
     if (mapping.orientation or {}).get("kind", "quaternion") != "quaternion":
-        raise InputError(f"{mapping.where}: orientation.kind: must be quaternion; others of XDF are not read")
+        raise InputError(f"{mapping.where}: orientation.kind: must be quaternion in a mapping for XDF")
     names = [name_in_file(mapping, key, "value", posed, where) for key in mapping.receivers]
     declared = {"order": "wxyz", "rotates": "receiver-to-transmitter", **(mapping.orientation or {})}
     declared["kind"] = "quaternion"
@@ -70,7 +70,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
 
 
 def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
-    """Return the stream that the mapping names, else the only one of type MoCap."""
+    """Return the stream that the mapping names, or else the only stream of type MoCap."""
     streams = read_streams(path)
     wanted = None if mapping is None else mapping.details.get("stream")
     chosen = [stream for stream in streams if wanted in (stream.name, stream.number)]
@@ -84,15 +84,15 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
     numbered = ", ".join(f"{s.name}, number {s.number}" for s in (streams if wanted else chosen)) or "none"
     if wanted is None:
         raise InputError(
-            f"{path}: has {len(chosen)} streams of type MoCap ({numbered}); say which in a "
-            "mapping as xdf.stream, by its name or its number"
+            f"{path}: has {len(chosen)} streams of type MoCap ({numbered}); select one in a "
+            "mapping with xdf.stream, by its name or its number"
         )
-    say = "; say its number" if chosen else nearest(str(wanted), [s.name for s in streams])
+    say = "; give its number" if chosen else nearest(str(wanted), [s.name for s in streams])
     raise InputError(f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {numbered}{say}")
 
 
 def _mm_per_unit(where: str, channel: StreamChannel, mapping: FileMapping) -> float:
-    """Return the length of a position's unit. Raises InputError where it is none, or not the mapping's."""
+    """Return a channel's unit in mm. Raises InputError if it is missing, unknown or not the mapping's."""
     unit = UNIT_NAMES.get(channel.unit)
     if channel.unit and unit is None:
         raise InputError(
@@ -101,7 +101,7 @@ def _mm_per_unit(where: str, channel: StreamChannel, mapping: FileMapping) -> fl
         )
     mapped_unit = mapping.config.get("position_unit")
     if unit is None and mapped_unit is None:
-        raise InputError(f"{where}: channel {channel.label}: has no unit; say position_unit in a mapping")
+        raise InputError(f"{where}: channel {channel.label}: has no unit; set position_unit in a mapping")
     if None not in (unit, mapped_unit) and unit != mapped_unit:
         raise InputError(
             f"{mapping.where}: position_unit: is {mapped_unit}, but {where} has {channel.unit}; find out "

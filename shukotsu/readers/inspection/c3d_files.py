@@ -1,4 +1,4 @@
-"""C3D files: points, rate, unit, labels, and which groups of markers are rigid."""
+"""Describe C3D files: points, rate, unit, labels, and which groups of markers are rigid."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import MM_PER_UNIT
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
+@np.errstate(over="ignore", invalid="ignore")  # infinite numbers are printed as such
 def describe_c3d(path: Path, layout: Layout) -> Description:
-    """Describe a C3D file. Raises InputError where it is none."""
+    """Describe a C3D file. Raises InputError if it is not a C3D file."""
     file = open_c3d(path)
     lines = [
         f"C3D: {count_of(len(file.labels), 'point')}, {count_of(file.frames, 'frame')} numbered "
@@ -68,6 +68,6 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
 
 
 def _named_segment(label: str, layout: Layout) -> str:
-    """Return the segment that a marker's label names, as `Index_Proximal1` does; empty: none."""
+    """Return the segment named in a marker's label, as in `Index_Proximal1`, or ""."""
     words = f"_{re.sub(r'[0-9]+', '_', snake_case(label))}_".replace("__", "_")
     return max((name for name in layout.measured if f"_{name}_" in words), key=len, default="")

@@ -1,4 +1,4 @@
-"""Roles of a table's columns and their units, from titles where the numbers agree."""
+"""Infer roles and units of a table's columns from their titles, checked against their numbers."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ _UNITS = {
     **UNIT_NAMES,
     **{word: unit for units in (_ANGLES, _TIMES) for unit, words in units.items() for word in words},
 }
-"""Spellings of units in titles, in lower case, and the mapping's name."""
+"""Spellings of units in titles, in lower case, and the unit's name in mappings."""
 _WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
 _STATED = re.compile(
     rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?=[\W_]*\d*[\W_]*$)",
     re.I,
 )
-"""A unit in brackets anywhere, or as the last word but for a number: a letter elsewhere may be a finger's."""
+"""A unit in brackets, or as the last word before an optional number; other letters may name a finger."""
 
 
 class Title(NamedTuple):
-    """A title without its unit, and the unit by the mapping's name; empty where it states none."""
+    """A title without its unit, and the unit's name in mappings, or ""."""
 
     name: str
     unit: str
 
 
 def split_title(title: str) -> Title:
-    """Return a title without its unit, and the unit."""
+    """Split a title into its name and its unit."""
     match = _STATED.search(title)
     if match is None:
         return Title(title, "")
@@ -71,10 +71,10 @@ _ASIDE = re.compile(
     r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
     r"|(id|index|count)(_?\d+)?$)"
 )
-"""Looked for in titles as segments' names are written."""
+"""Words of columns that are not poses; searched in titles in snake case."""
 _SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
 _MANY_ROWS = 20
-"""Over this many rows a position neither grows in every row nor stays constant to its last digit."""
+"""Over this many rows no position increases in every row or stays constant to the last digit."""
 _ANGLE = re.compile(
     r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
 )
@@ -85,7 +85,7 @@ _AXIS = re.compile(
     re.I,
 )
 _AXIS_WITHIN = re.compile(r"(?P<before>(.*[\W_])?[a-z]?)(?P<axis>[wxyz])(?P<after>[\W_].*)", re.I)
-"""A title's axis, and what the titles of the same receiver share before and after it."""
+"""The axis in a title, and the parts before and after it, which a receiver's titles share."""
 
 
 def _axis_in(name: str) -> re.Match[str] | None:
@@ -97,13 +97,13 @@ _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 @dataclass(frozen=True)
 class Roles:
-    """What the columns, by title, seem to be.
+    """Presumed roles of a table's columns, by title.
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
-    the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
-    aside : numbers that are none of these; text : columns that hold no numbers; empty : those that hold
-    nothing, even if their names put them in a group. nanoseconds : within the second that `time` has.
-    guessed : titles of which neither name nor numbers say what they are, only their place in the table.
+    the table, except that azimuth, elevation and roll are put in this order. quality : of each receiver, or
+    of all. aside : other numbers; text : columns without numbers; empty : columns without values, even if
+    their names put them in a group. nanoseconds : column to be added to the seconds in `time`. guessed :
+    titles whose role follows only from their position in the table, not from their name or numbers.
     """
 
     time: str | None = None
@@ -129,9 +129,9 @@ class Roles:
 
 
 def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
-    """Return the roles of columns, by their numbers and, where these leave it open, by their names.
+    """Infer the roles of columns from their numbers, and from their names if the numbers are ambiguous.
 
-    titles : all columns; numbers : those that hold numbers or nothing, title -> (N,).
+    titles : all columns; numbers : columns with numbers or without values, title -> (N,).
     """
     numeric = [title for title in titles if title in numbers]
     inertial = [[t for t in numeric if re.fullmatch(rf"{x}_?[xyz]", t, re.I)] for x in "agm"]
@@ -151,7 +151,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     counts = [t for t in numeric if _grows(numbers[t]) and (numbers[t] == np.floor(numbers[t])).all()]
     frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
-    # whether the first column counts a few small whole numbers up again and again; rows may be lost
+    # whether the first column cycles through a few small whole numbers; rows may be missing
     stations, codes = np.unique(numbers.get(titles[0], np.zeros(0)), return_inverse=True)
     station = not wide and 2 <= len(stations) <= len(codes) / 2 and not np.isnan(stations).any()
     station = station and bool((stations == np.floor(stations)).all()) and stations[0] >= 0
@@ -168,7 +168,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     left = [title for title in numeric if title not in (time, nanoseconds, frame, receiver)]
     free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
     growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
-    if time is None and growing and growing == left[:1]:  # and no other that no name puts in a group
+    if time is None and growing and growing == left[:1]:  # the only increasing column, and the first
         time = left.pop(0)
         guessed.add(time)
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
@@ -185,10 +185,10 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
 
 
 def pair_receivers(roles: Roles) -> list[tuple[list[str], list[str]]]:
-    """Return positions and orientations of one receiver each; what has no other is beside an empty list.
+    """Return pairs of position and orientation columns of each receiver; a missing one is an empty list.
 
-    They are paired by the words of their titles. What these do not tell apart is paired by its order, where
-    there are as many of both and no name contradicts, and counts as guessed.
+    Columns are paired by the words of their titles. The remaining ones are paired by their order and marked
+    as guessed, if there are as many positions as orientations and no name contradicts.
     """
     groups = roles.positions, roles.orientations[1]
     partner: dict[int, int] = {}  # orientation by position
@@ -218,11 +218,11 @@ _KINDS = (
     "pos(ition)?|loc(ation)?|trans(lation)?|rot(ation)?|q(uat(ernion)?)?|ori(entation)?|att(itude)?|euler"
     "|ang(le)?|mat(rix)?"
 )
-"""What titles call a position or an orientation, in words; where these do not tell, in letters, too."""
+"""Words for positions and orientations in titles; ignored when titles are paired."""
 
 
 def _shared_words(titles: Sequence[str], ignored: str) -> tuple[str, ...]:
-    """Return the words, in lower case, that all of a receiver's titles have, or else how they begin."""
+    """Return the words, in lower case, that all of a receiver's titles share, or else their common prefix."""
     names = [split_title(title).name for title in titles]
     every = (Counter(word.lower() for word in _WORD.findall(name)) for name in names)
     begins = os.path.commonprefix(names).lower().rstrip("q")  # noqa: RUF071 : letters, as of handx and handqx
@@ -231,13 +231,13 @@ def _shared_words(titles: Sequence[str], ignored: str) -> tuple[str, ...]:
 
 
 def _counts(title: str, values: Array) -> bool:
-    """Return whether a column grows with every row, or is one whole number in all though it has a name."""
+    """Return whether a column increases in every row, or has a name and is one whole number throughout."""
     still = np.ptp(values) == 0 and values[0] == np.floor(values[0]) and not title.startswith("number ")
     return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
 
 
 def _spell_title(title: str, names: Iterable[str]) -> Title:
-    """Return a title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
+    """Split a title into name and unit, with q0 to q3 renamed qw, qx, qy and qz if the receiver has a q0."""
     name, unit = split_title(title)
     if match := _SCALAR_FIRST.search(name):
         at = match.start("digit")
@@ -247,10 +247,10 @@ def _spell_title(title: str, names: Iterable[str]) -> Title:
 
 
 def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
-    """Return titles that differ in their axis only, each title -> its group in the order of the table.
+    """Group titles that differ only in their axis; return title -> its group in the order of the table.
 
-    w, x, y, z are a group only where their norm is 1 in the rows that have them. Columns named as a
-    quaternion that are not one are in no group.
+    w, x, y, z form a group only if their norm is 1 in all complete rows. Columns that are named like a
+    quaternion but are not one have an empty group.
     """
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
     spellings = {split_title(title).name.lower() for title in titles}
@@ -274,12 +274,12 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
 def _sort(
     free: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, list[str]], roles: Roles
 ) -> None:
-    """Put columns into groups: rotations by their numbers, then by names, what is left by threes."""
+    """Group columns into `roles`: rotations by their numbers, then by names, the remaining ones by threes."""
     run: list[str] = []
     while free:
         group = named.get(free[0], [])
         sizes = [n for n in (9, 4) if _is_rotation(free, numbers, n)]
-        # every named group whole or not at all
+        # a rotation must not split a named group
         size = next((n for n in sizes if all({*named.get(t, ())} <= {*free[:n]} for t in free[:n])), 0)
         if not size and not set(group) <= set(free):
             group = []
@@ -306,12 +306,12 @@ def _named_angles(titles: Sequence[str]) -> bool:
 
 
 def by_azimuth(titles: Sequence[str]) -> list[str]:
-    """Return titles of an azimuth, an elevation and a roll in this order; none of other angles."""
+    """Return titles in the order azimuth, elevation, roll, or an empty list for other angles."""
     return _by_axis(titles, "aer")
 
 
 def by_scalar(titles: Sequence[str]) -> list[str]:
-    """Return titles of a quaternion's w, x, y and z in this order; none where they do not say which."""
+    """Return titles in the order w, x, y, z, or an empty list if titles do not name these."""
     return _by_axis(titles, "wxyz")
 
 
@@ -332,9 +332,10 @@ def _few_wholes(values: Array) -> bool:
 
 
 def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
-    """Return whether the next columns are a rotation, and closer to one than columns shifted by a few places.
+    """Return whether the next columns are a rotation, and closer to one than groups that start later.
 
-    A small z in metres before a quaternion whose last number is small has norm 1 with its first three, too.
+    The comparison is needed because a small z in metres followed by three numbers of a quaternion may have
+    norm 1, too, if the quaternion's last number is small.
     """
     off = _off_rotation(free[:size], numbers, size)
     later = (_off_rotation(free[start : start + size], numbers, size) for start in range(1, size))
@@ -342,7 +343,7 @@ def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -
 
 
 def _off_rotation(titles: Sequence[str], numbers: Mapping[str, Array], size: int) -> float:
-    """Return how far most rows are off norm 1 (four numbers) or a rotation (nine); else infinite."""
+    """Return how far most rows deviate from norm 1 (size 4) or a rotation (size 9); inf without such rows."""
     if len(titles) < size:
         return float("inf")
     rows = np.stack([numbers[title] for title in titles], -1)
@@ -358,7 +359,7 @@ def _off_rotation(titles: Sequence[str], numbers: Mapping[str, Array], size: int
 
 
 def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], roles: Roles) -> None:
-    """Take columns by threes: angles by name; where there are no names, every second triple."""
+    """Split columns into threes: angles if named so, or every second triple of unnamed columns."""
     whole = len(run) - len(run) % 3
     roles.aside.extend(run[whole:])
     for index, triple in enumerate(list(run[start : start + 3]) for start in range(0, whole, 3)):
@@ -372,16 +373,14 @@ def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], roles: Roles
 
 STATED = "as the columns' titles say"
 LEAST_HZ, MOST_HZ = 1.0, 5000.0
-"""Plausible frame rates of any tracker."""
+"""Plausible frame rates of any tracker, Hz."""
 _DATES_S = (9e8, 4.2e9)
-"""Seconds since 1970 of a recording's day."""
+"""Plausible dates of a recording, in seconds since 1970."""
 TWO_PI = 2 * np.pi + 0.01
 
 
 class Unit(NamedTuple):
-    """A unit for the mapping, or CHECK; the reason, for a comment; evidence against the unit that titles
-    state.
-    """
+    """A unit for the mapping, or CHECK; the reason, for a comment; evidence against the titles' unit."""
 
     unit: str
     why: str
@@ -389,7 +388,7 @@ class Unit(NamedTuple):
 
     @property
     def stated(self) -> str:
-        """The unit that titles state and numbers do not contradict; else empty."""
+        """The unit that titles state and numbers do not contradict, or ""."""
         return self.unit if self.why == STATED else ""
 
 
@@ -402,7 +401,7 @@ class Units(NamedTuple):
 
 
 def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
-    """Return the units of columns with these roles; numbers : title -> (N,)."""
+    """Infer the units of columns with these roles; numbers : title -> (N,)."""
     return Units(
         _position_unit(roles.positions, numbers),
         _angle_unit(roles.angles, numbers),
@@ -411,34 +410,35 @@ def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
 
 
 def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
-    """The unit of positions, by the titles of all of them together."""
+    """Infer the unit of positions from all their titles together."""
     titles = [title for group in groups for title in group]
     span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
-    why = "mm, cm, m or inch" + (f"; positions span {span:.3g} of it" if titles else "")
+    why = "mm, cm, m or inch" + (f"; positions span {span:.3g} in this unit" if titles else "")
     units = _stated_units(titles, POSITION_UNITS)
     if span and len(units) == 1 and units[0]:
         would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
             return _doubt_unit(
-                why, f"the titles of positions say {units[0]}, in which their span is {would_be}"
+                why, f"the titles of positions state {units[0]}, in which their span is {would_be}"
             )
     return _settle_unit(units, why, "positions")
 
 
 def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
-    """The unit of angles, by the titles of all of them together, else by the largest."""
+    """Infer the unit of angles from all their titles together, or else from the largest angle."""
     titles = [title for group in groups for title in group]
     by_size = angle_unit_by_size(titles, numbers)
     units = _stated_units(titles, ANGLE_UNITS)
     if by_size.unit == "deg" and "rad" not in units:
         return Unit("deg", STATED if units == ["deg"] else by_size.why)
     if units == ["deg"] or (units == ["rad"] and by_size.unit == "deg"):
-        return _doubt_unit("deg or rad", f"the titles of angles say {units[0]}; they look like {by_size.why}")
+        doubt = f"the titles of angles state {units[0]}; they look like {by_size.why}"
+        return _doubt_unit("deg or rad", doubt)
     return _settle_unit(units, f"deg or rad; {by_size.why}", "angles")
 
 
 def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> Unit:
-    """The unit of angles, by the largest of them alone."""
+    """Infer the unit of angles from the largest of them alone."""
     largest = max((float(np.abs(values).max()) for values in _finite(titles, numbers)), default=0.0)
     if largest > TWO_PI:
         return Unit("deg", f"degrees, as {largest:.4g} is more than two pi")
@@ -446,7 +446,7 @@ def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> U
 
 
 def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
-    """The unit of the column of times, by its title."""
+    """Infer the unit of times from the title, or else from numbers that are plausible dates."""
     times, unit = numbers[title], split_title(title).unit
     why = rate_line("s, ms, us or ns", times, SECONDS_PER_UNIT)
     step = median_step(times)
@@ -454,12 +454,12 @@ def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
         for name, seconds in SECONDS_PER_UNIT.items():
             date = _DATES_S[0] < np.nanmedian(times) * seconds < _DATES_S[1]
             if date and step and LEAST_HZ <= 1 / (step * seconds) <= MOST_HZ:
-                return Unit(name, "as its numbers then are dates, counted from 1970")
+                return Unit(name, "as its numbers are then dates, counted from 1970")
         return Unit(CHECK, why)
     rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[unit])
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
         return Unit(unit, STATED)
-    return _doubt_unit(why, f"the title {title} says {unit}, in which frames come at {rate_hz:.4g} Hz")
+    return _doubt_unit(why, f"the title {title} states {unit}, in which the rate is {rate_hz:.4g} Hz")
 
 
 def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Array]:
@@ -469,20 +469,20 @@ def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Arr
 
 
 def _stated_units(titles: Iterable[str], units: frozenset[str]) -> list[str]:
-    """The units of that kind that titles state, empty among them where one states none."""
+    """Return the distinct units of one kind in titles, with "" for titles without one."""
     every = (split_title(title).unit for title in titles)
     return list(dict.fromkeys(unit if unit in units else "" for unit in every))
 
 
 def _settle_unit(units: Sequence[str], why: str, what: str) -> Unit:
-    """The one unit that all titles state; what some or several state is a doubt."""
+    """Return the unit that all titles state; raise a doubt if only some do or if they differ."""
     stated = [unit for unit in units if unit]
     if len(units) == 1 and stated:
         return Unit(units[0], STATED)
     if not stated:
         return Unit(CHECK, why)
-    others = ", others nothing" if "" in units else ""
-    return _doubt_unit(why, f"titles of {what} say {' and '.join(stated)}{others}")
+    others = ", others none" if "" in units else ""
+    return _doubt_unit(why, f"titles of {what} state {' and '.join(stated)}{others}")
 
 
 def _doubt_unit(why: str, doubt: str) -> Unit:

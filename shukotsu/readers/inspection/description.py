@@ -1,4 +1,4 @@
-"""Result of an inspection, and formatting of its numbers."""
+"""Result of `shukotsu inspect` on a file, and formatting of its numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from shukotsu.arrays import Array
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT
 
 CHECK = "CHECK"
-"""Placeholder in a drafted mapping for information that a file does not contain; no key accepts it."""
+"""Placeholder in a drafted mapping for information that the file does not contain; never a valid value."""
 NOTHING, TOO_FAR = "nothing", "too far for a tracker"
 _EXTENTS = (
     (2, NOTHING),
@@ -24,22 +24,22 @@ _EXTENTS = (
     (8000, "a room"),
     (np.inf, TOO_FAR),
 )
-"""Largest span of a motion in mm, and an object of that size."""
+"""Largest span of a motion in mm, and an object of that size for comparison."""
 IMPOSSIBLE_EXTENTS = (NOTHING, TOO_FAR)
 
 
 @dataclass(frozen=True)
 class Description:
-    """Facts, a line each; the mapping to edit (empty where none is needed); whether it can be imported."""
+    """Lines of facts about a file, a mapping to edit ("" if not needed), and whether it can be imported."""
 
     lines: tuple[str, ...]
     draft: str = ""
     recording: bool = True
 
 
-@np.errstate(over="ignore")  # a span without an end is said as one
+@np.errstate(over="ignore")  # an infinite span is printed as such
 def extent_line(what: str, position: Array, stated: str = "") -> str:
-    """Write positions' (N, 3) spread, and what that is in the unit stated, or would be in each unit."""
+    """Format the span of positions (N, 3) and its meaning in the stated unit, or in each possible unit."""
     seen = position[np.isfinite(position).all(-1)]
     if not len(seen):
         return f"{what}: no complete position"
@@ -53,13 +53,13 @@ def extent_line(what: str, position: Array, stated: str = "") -> str:
 
 
 def extent(span_mm: float) -> str:
-    """Name a thing of that span for comparison."""
+    """Return the name of an object of that span, for comparison."""
     return next(meaning for limit, meaning in _EXTENTS if span_mm <= limit)
 
 
 @np.errstate(over="ignore")
 def rate_line(what: str, time: Array, units: Iterable[str], why: str = "") -> str:
-    """Format the median step of times (N,), and its rate in each unit; why : it is in that one."""
+    """Format the median step of times (N,) and the rate in each unit; why : reason for the units given."""
     step = median_step(time)
     if step is None:
         return f"{what}: one time only"
@@ -71,7 +71,7 @@ def rate_line(what: str, time: Array, units: Iterable[str], why: str = "") -> st
 
 
 def median_step(time: Array) -> float | None:
-    """The median step from one of times (N,) to the next later one; None where there is one time only."""
+    """Return the median difference between consecutive distinct times (N,); None if there is only one."""
     steps = _steps(time)
     return float(np.median(steps)) if len(steps) else None
 
@@ -82,13 +82,13 @@ def _steps(time: Array) -> Array:
 
 
 def draft(path: Path, config: Mapping[str, Any], more: Iterable[str] = ()) -> str:
-    """A mapping to edit, as YAML. config : key -> value, or (value, why), which is said in a comment.
+    """Return a mapping to edit, as YAML.
 
-    more : lines at the end.
+    config : key -> value, or (value, reason); the reason becomes a comment. more : lines to append.
     """
     body = "\n".join([*_block(config), *more])
-    unsaid = f" {CHECK} is what the file cannot say: import refuses it until edited." if CHECK in body else ""
-    return f"# Drafted from {path.name}.{unsaid}\n{body}\n"
+    marks = f" {CHECK} marks what the file does not state: edit it before import." if CHECK in body else ""
+    return f"# Drafted from {path.name}.{marks}\n{body}\n"
 
 
 def _block(group: Mapping[str, Any], indent: str = "") -> Iterator[str]:
@@ -103,7 +103,7 @@ def _block(group: Mapping[str, Any], indent: str = "") -> Iterator[str]:
 
 
 def _flow(value: Any) -> str:
-    """A value in a line."""
+    """Format a value in YAML's flow style, on one line."""
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
     if isinstance(value, list):

@@ -1,5 +1,5 @@
-"""Tables as text: what their columns seem to be, why, and the mapping that would read them; and files of this
-project: tidy recordings, and the tables that stages write.
+"""Describe tables: text tables, with presumed columns, reasons and a mapping that would read them; tidy
+recordings; tables that stages of this project write.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """Format of a text table, in the terms of the mapping's `csv` group. before : the skipped lines."""
+    """Format of a text table, by keys of the mapping's `csv` group; before : text of the skipped lines."""
 
     delimiter: str
     decimal: str
@@ -77,13 +77,13 @@ class TextForm:
     before: str = ""
 
     def config(self) -> dict[str, Any]:
-        """Return the keys of the mapping's `csv` group, all of them."""
+        """Return the format as the mapping's `csv` group, with all keys that reading a table needs."""
         config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
         config["missing"] = []
         return config if self.comment is None else config | {"comment": self.comment}
 
     def sentence(self) -> str:
-        """Format it as a clause."""
+        """Describe the format in words."""
         names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
         mark = "comma" if self.decimal == "," else "point"
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
@@ -93,9 +93,9 @@ class TextForm:
 
 
 def detect_form(path: Path) -> TextForm:
-    """Find the layout in which most cells of the text are numbers and rows are equally long.
+    """Find the format in which most cells of the text are numbers and rows are equally long.
 
-    Raises InputError where the file is no text or no layout gives rows of three numbers or more.
+    Raises InputError if the file is not text, or no format gives rows of three or more numbers.
     """
     with open_text(path) as stream:
         data = stream.read(1 << 20)
@@ -103,11 +103,11 @@ def detect_form(path: Path) -> TextForm:
         text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path}: is not UTF-8 text, and of no other kind that is known by its ending; "
+            f"{path}: is neither UTF-8 text nor a file with a supported ending; "
             "a table must be saved as UTF-8"
         ) from error
     lines = text.splitlines()[:READ_LINES]
-    starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # a header of rostopic's
+    starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # header line of rostopic
     comment = next((mark for mark in COMMENTS for line in starts if line.startswith(mark)), None)
     rows = [
         (index, line)
@@ -121,14 +121,14 @@ def detect_form(path: Path) -> TextForm:
         if decimal != delimiter and (candidate := _as(rows, delimiter, separator, decimal, comment))
     ]
     if not candidates:
-        raise InputError(f"{path}: no table of numbers in its first lines; expected a recording")
+        raise InputError(f"{path}: its first lines have no table of numbers; expected a recording")
     return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def _as(
     rows: list[tuple[int, str]], delimiter: str, separator: str | None, decimal: str, comment: str | None
 ) -> tuple[float, TextForm] | None:
-    """Return the share of numbers among the cells and the layout, if the rows are a table in it."""
+    """Return the share of numeric cells and the format if the rows form a table in it, else None."""
     split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
     counts = Counter(len(cells) for _, cells in split)
     width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
@@ -145,7 +145,7 @@ def _as(
 
 
 def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
-    """Return the last of the first rows that has words where others have numbers; -1 where there is none."""
+    """Return the index of the last of the first rows with words where others have numbers; -1 if none has."""
     words = [[cell.lower() for cell in cells if not _NUMBER[decimal].fullmatch(cell)] for _, cells in split]
     counts = sorted(len(texts) for texts, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
     typical = counts[len(counts) // 2] if counts else 0
@@ -167,14 +167,15 @@ FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 MOST_LINES = 16
 """With more receivers than this, positions and angles are each summarised in one line."""
 REPEATED_SHARE = 0.2
-"""Share of rows that repeat the one before, above which receivers are not in step with the rows."""
+"""Share of rows that repeat the previous one, above which receivers are not in step with the rows."""
 
 
 @dataclass(frozen=True)
 class _ReadTable:
-    """A table whose columns were read. numbers : title -> (N,). time_of_day, dates : titles of such columns.
+    """Columns of a table that were read.
 
-    receivers : names in the receiver column, of a table with one row per receiver and frame.
+    numbers : title -> (N,). time_of_day, dates : titles of columns with times of day and with dates.
+    receivers : names in the receiver column if the table has one row per receiver and frame.
     """
 
     titles: Sequence[str]
@@ -188,7 +189,7 @@ class _ReadTable:
 
 @np.errstate(over="ignore", invalid="ignore")  # infinite numbers are reported as such
 def describe_table(path: Path, layout: Layout) -> Description:
-    """Describe what the columns of a table seem to be. Raises InputError where the text is no table."""
+    """Describe the presumed columns of a table. Raises InputError if the text is not a table."""
     form = detect_form(path)
     text = open_table_text(path, form.config())
     table = _read_columns(text.cells(text.titles), text.titles)
@@ -196,8 +197,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     joint_angles = [title for title in table.titles if _JOINT_ANGLE.search(title)]
     if len(joint_angles) > 2 and not roles.orientations[1]:
         raise InputError(
-            f"{path}: has angles of joints ({', '.join(joint_angles[:3])} and so on), of which no poses of "
-            "receivers can be made; export positions and orientations"
+            f"{path}: has joint angles ({', '.join(joint_angles[:3])} and so on), from which receiver poses "
+            "cannot be computed; export positions and orientations"
         )
     units = find_units(roles, table.numbers)
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
@@ -228,7 +229,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
 
 
 def _read_columns(cells: Cells, titles: Sequence[str]) -> _ReadTable:
-    """Read each column as numbers, times of the day or dates, whichever its cells are."""
+    """Read each column as numbers, times of day or dates, depending on its cells."""
     numbers = _numbers(lambda title: without_marks(cells.reals(title)), titles)
     texts = [title for title in titles if title not in numbers]
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
@@ -256,7 +257,7 @@ def _column_lines(table: _ReadTable, units: Units) -> list[str]:
         lines.append(f"receiver column {roles.receiver}: one row a receiver and frame; it has {names}")
     lines += _orientation_lines(roles, numbers, units.angle)
     stated = units.position.stated
-    if len(roles.positions) > MOST_LINES:  # receivers of one form in one line
+    if len(roles.positions) > MOST_LINES:  # summarise all receivers in one line
         widest = max(
             roles.positions, key=lambda g: float(np.nanmax(np.ptp(_rows(numbers, g), axis=0), initial=0))
         )
@@ -271,10 +272,10 @@ def _column_lines(table: _ReadTable, units: Units) -> list[str]:
 
 
 def _remarks(roles: Roles, pairs: Sequence[tuple[list[str], list[str]]]) -> list[str]:
-    """Return what the mapping leaves out: empty columns, and groups that lack their other half."""
+    """Return remarks on columns that the mapping leaves out: empty ones, and groups without a counterpart."""
     remarks = [f"empty: {', '.join(roles.empty)}"] if roles.empty else []
     return remarks + [
-        f"{' '.join(position + turning)}: no {'orientation' if position else 'position'} goes with it by its "
+        f"{' '.join(position + turning)}: no {'orientation' if position else 'position'} matches it by "
         "name; it is left out of the mapping"
         for position, turning in pairs
         if not (position and turning) and roles.orientations[1] and roles.positions
@@ -284,13 +285,13 @@ def _remarks(roles: Roles, pairs: Sequence[tuple[list[str], list[str]]]) -> list
 def _draft_config(
     table: _ReadTable, units: Units, of_hands: Sequence[Mapping[str, Any]], layout: Layout, asynchronous: bool
 ) -> dict[str, Any]:
-    """Return the drafted mapping without its `csv` group. of_hands : receivers, or right and left ones."""
+    """Return the drafted mapping without its `csv` group; of_hands : receivers, or right and left ones."""
     roles = table.roles
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
-        config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
+        config["rate_hz"] = (CHECK, "frames per second; delete the line if unknown")
     if units.position.unit == CHECK and len(roles.positions) > 3:
         near = _nearest(np.stack([_rows(table.numbers, group) for group in roles.positions], 1))
         config["position_unit"] = (CHECK, f"{units.position.why}{near}")
@@ -298,14 +299,14 @@ def _draft_config(
         config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     if len(of_hands) > 1:
-        named = f"{CHECK}: in the order of stations of layout {layout.name}; is it so? The poses will tell"
+        named = f"{CHECK}: in the order of stations of layout {layout.name}; correct? The checks test it"
     config["receivers"] = (of_hands[0] or {CHECK: {}}, named)
     left = next(iter(of_hands[1:]), {})
     return config | ({"left_receivers": (left, "those after the right hand's")} if left else {})
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
-    """Return the columns that a function can read, title -> (N,)."""
+    """Return the columns that `read` converts without an error, title -> (N,)."""
     numbers = {}
     for title in titles:
         with suppress(InputError):
@@ -314,7 +315,7 @@ def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, A
 
 
 def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
-    """Return those columns beside each other, shape (N, len(titles))."""
+    """Return the named columns as an array, shape (N, len(titles))."""
     return np.stack([numbers[title] for title in titles], -1)
 
 
@@ -331,7 +332,7 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         likelier = "wxyz" if first > last else "xyzw"
         order = (
             f"its first number is {first:.2f} in the median, its last {last:.2f}, so {likelier} is likelier "
-            "if receivers lie roughly as the transmitter does; the numbers cannot prove it"
+            "if receivers are oriented roughly as the transmitter; the numbers cannot prove it"
         )
         order = "w, x, y and z as its titles say" if by_scalar(group) else order
         lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {order}")
@@ -348,7 +349,7 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
 
 
 def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> float:
-    """Return the largest share of rows in which a receiver's numbers are those of the row before."""
+    """Return the largest share of rows in which a receiver repeats the previous row; append to lines."""
     worst = 0.0
     for group in roles.orientations[1] or roles.positions:
         rows, name = _rows(numbers, group), " ".join(group)
@@ -357,11 +358,11 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
         if share > REPEATED_SHARE:
             new = 1 + round((1 - share) * (len(rows) - 1))
             lines.append(
-                f"{name}: {share:.0%} of the rows repeat the one before ({new} new values): "
+                f"{name}: {share:.0%} of the rows repeat the previous one ({new} new values): "
                 "receivers are not in step with the rows, or did not move"
             )
         if zeros := int((rows == 0).all(-1).sum()):
-            lines.append(f"{name}: {count_of(zeros, 'row', 'are')} all zeros; zeros may stand for 'no value'")
+            lines.append(f"{name}: {count_of(zeros, 'row', 'are')} all zeros; zeros may mean 'no value'")
     return worst
 
 
@@ -376,10 +377,10 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
         config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
         if all(map(by_azimuth, groups)):
             config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
-            rotates = (FORWARD, "what azimuth, elevation and roll do, of a Polhemus tracker and a trakSTAR")
+            rotates = (FORWARD, "as azimuth, elevation and roll of Polhemus trackers and the trakSTAR")
         elif roles.receiver in roles.guessed:
             config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
-            rotates = (FORWARD, f"{CHECK}: what a Polhemus tracker's angles do; is it one?")
+            rotates = (FORWARD, f"{CHECK}: as a Polhemus tracker's angles; is it one?")
         config["unit"] = angle[:2]
     elif groups:
         rotates = (CHECK, f"{FORWARD} (Polhemus), or {BACKWARD} (trakSTAR)")
@@ -393,7 +394,7 @@ def _receivers(
         of_station = {str(layout.segments[name].receiver): name for name in layout.measured}
         stations = {name: of_station.get(name.lstrip("0")) for name in receivers}
         if roles.receiver in roles.guessed and None not in stations.values():
-            doubt = f"{CHECK}: as layout {layout.name} numbers its stations; is it so?"
+            doubt = f"{CHECK}: as layout {layout.name} numbers its stations; correct?"
             return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
         return {_segment(name, layout, receivers): {"value": name} for name in receivers}
     config: dict[str, Any] = {}
@@ -401,7 +402,7 @@ def _receivers(
     for index, (position, turning) in enumerate(pairs):
         columns: dict[str, Any] = {"position": _columns(position)}
         columns |= {"orientation": _columns(turning)} if turning else {}
-        if len(roles.quality) == len(roles.positions):  # one each
+        if len(roles.quality) == len(roles.positions):  # one quality column per receiver
             columns["quality"] = _column(roles.quality[roles.positions.index(position)])
         segment = _segment(names[index], layout, names)
         key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
@@ -410,10 +411,10 @@ def _receivers(
 
 
 def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """Name receivers, none of which has a segment's name, by the layout's stations: the right hand's first.
+    """Assign receivers without segment names to the layout's stations in order; return right and left ones.
 
-    None where they are no whole hand, nor two, and where the layout has no stations. Receivers with a number
-    each in their names are in its order, else in the file's.
+    Returns None unless the receivers are exactly one hand or two, none has a segment's name and the layout
+    has stations. If each name has a distinct number, receivers are ordered by it, else by the file.
     """
     stations = {name: layout.segments[name].receiver for name in layout.measured}
     if None in stations.values() or not all(key.startswith(CHECK) for key in drafted):
@@ -432,15 +433,17 @@ def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, A
 
 
 _TRACKERS_HZ = 5, 2000
-"""Rates that trackers have."""
+"""Range of trackers' frame rates, Hz."""
 
 
 def _time_of_tracker(unit: Unit, time: Array) -> Unit:
-    """Return the one unit in which times have a rate that a tracker has; the same where there is none."""
+    """Return the only unit in which the times have a tracker's frame rate; the given unit if ambiguous."""
     step = median_step(time)
     hz = {} if step is None else {name: 1 / (step * seconds) for name, seconds in SECONDS_PER_UNIT.items()}
     meant = [name for name, rate in hz.items() if _TRACKERS_HZ[0] < rate < _TRACKERS_HZ[1]]
-    return Unit(meant[0], f"{hz[meant[0]]:.4g} Hz; in another unit no tracker's") if len(meant) == 1 else unit
+    if len(meant) != 1:
+        return unit
+    return Unit(meant[0], f"{hz[meant[0]]:.4g} Hz; no tracker has the rate in any other unit")
 
 
 _NEAREST_MM = 30.0
@@ -448,14 +451,14 @@ _NEAREST_MM = 30.0
 
 
 def _nearest(position: Array) -> str:
-    """Write how far the next one is from a receiver, positions (T, R, 3), and in which unit a hand's is."""
+    """Describe the distance of neighbouring receivers, positions (T, R, 3), and the unit it suggests."""
     seen = position[np.isfinite(position).all((1, 2))][:1]
     if not len(seen):
         return ""
     apart = np.linalg.norm(seen[0][:, None] - seen[0], axis=-1) + np.diag(np.full(len(seen[0]), np.inf))
     near = float(np.median(apart.min(0)))
     unit = min(MM_PER_UNIT, key=lambda name: abs(np.log(max(near * MM_PER_UNIT[name], 1e-9) / _NEAREST_MM)))
-    return f"; the next receiver is {near:.2g} of it away, which on one hand is {unit}"
+    return f"; neighbouring receivers are {near:.2g} apart, which on one hand means {unit}"
 
 
 def _doubt(roles: Roles, titles: Sequence[str]) -> str:
@@ -463,7 +466,7 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
 
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
-    """Return the segment that this one of titles names alone, as `index_distal x_mm` does, or of none."""
+    """Return the segment in a title such as `index_distal x_mm` if it is unique, or a CHECK mark."""
     words = [f"_{snake_case(name)}_" for name in titles]
     named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
     segment = max(named, key=len, default="")
@@ -509,9 +512,9 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
 
 
 def describe_text(path: Path, layout: Layout) -> Description:
-    """Describe a text file: a tidy recording where its first line has the columns of one, or any table.
+    """Describe a text file: a tidy recording if its first line has the required columns, else any table.
 
-    Raises InputError where the text is no table, or a cell of a tidy recording is not what its column holds.
+    Raises InputError if the text is not a table, or a cell of a tidy recording is not valid for its column.
     """
     with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
@@ -555,7 +558,7 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
     return Description(tuple(lines), recording=False)
 
 
-@np.errstate(over="ignore")  # a number without an end is said as one
+@np.errstate(over="ignore")  # infinite numbers are printed as such
 def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     parts = [part for part in blocks if part.rows]
     if not parts:

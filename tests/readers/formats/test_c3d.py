@@ -134,7 +134,7 @@ def test_a_cluster_s_shape_does_not_rest_on_its_first_frame(tmp_path: Path, odd:
     samples = read(write(tmp_path / "a.c3d", points), ARM, config())
     posed = of(samples, "hand") & (samples.frame > 101)
     np.testing.assert_allclose(samples.numbers[posed, :3], POSITIONS[1:], atol=1e-3)
-    assert samples.losses == (("1 point at 0, 0, 0 is taken for not seen",) if odd == "first frame" else ())
+    assert samples.losses == (("1 point at 0, 0, 0 is treated as not seen",) if odd == "first frame" else ())
 
 
 HIP = ["RASIS", "LASIS", "LPSIS", "RPSIS"], ["RLFE", "RMFE", "RTHI1", "RTHI2", "RTHI3"]
@@ -187,17 +187,17 @@ def test_a_parameter_longer_than_its_file_is_refused(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[data.index(b"LABELS") + 9] = 60  # dimensions: whatever comes next
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"parameter LABELS of group 1 says that it is longer"):
+    with pytest.raises(InputError, match=r"parameter LABELS of group 1 claims to be longer"):
         read(path, ARM, config())
 
 
 def test_frames_beyond_what_is_counted(tmp_path: Path) -> None:
-    """Where 16 bits are full, all up to the zeros that fill the last block; else it is said."""
+    """With a full 16-bit count all frames up to the padding are read; else data behind them are reported."""
     path = write(tmp_path / "a.c3d", SHAPE + np.arange(1.0, 31)[:, None, None], first=1)
     data = bytearray(path.read_bytes())
     assert read(path, ARM, config()).losses == ()
     path.write_bytes(data + bytes(1024))
-    assert "30 frames are read, but the file goes on" in read(path, ARM, config()).losses[0]
+    assert "30 frames are read, but more data follow" in read(path, ARM, config()).losses[0]
     assert "in doubt: 30 frames are read" in " ".join(describe_c3d(path, ARM).lines)
     for offset in (8, data.index(b"FRAMES") + 10):
         struct.pack_into("<H", data, offset, 65_535)

@@ -160,7 +160,7 @@ def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -
         np.testing.assert_array_equal(samples.numbers[rows_of, 0], x_mm)
         np.testing.assert_array_equal(samples.time_s[rows_of], time_s)
     assert "segment forearm: 3 new values in 7 rows; 0 left out" in samples.notes[0]
-    assert samples.notes[1] == "segment forearm: 1 new values left out, whose times are years off the others'"
+    assert samples.notes[1] == "segment forearm: 1 new values left out: their times are years off all others"
     assert "segment hand: 5 new values in 7 rows; 2 left out" in samples.notes[2]
 
 
@@ -196,7 +196,7 @@ def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:
         tmp_path,
         HEADER + ROWS,
         changed(WIDE, rate_hz=120),
-        "rate_hz: is 120, but the file's own times are of 222",
+        "rate_hz: is 120, but the times in the file have a rate of 222",
     )
 
 
@@ -223,7 +223,7 @@ def test_rows_that_arrive_late_are_put_into_as_many_frames_as_were_recorded(
     framed, notes, losses = framed_by_time(tracks)
     said = " ".join((*notes, *losses))
     frames = np.concatenate([track.frame for track in framed.values()])
-    is_open = "leave open how many frames there were" in said
+    is_open = "the number of frames is uncertain" in said
     assert is_open == (lost > 0 and sd_ms / 1000 * rate_hz > 0.3)
     assert len(np.unique(frames)) == pytest.approx(900, rel=0.03 if is_open else 0)
     doubtful = re.search(r"about (\d+) may be a frame off", said)
@@ -251,7 +251,7 @@ def test_a_full_counter_is_counted_on(tmp_path: Path, bits: int, apart: int, row
     forearm, hand = (samples.frame[of(samples, segment)] for segment in ("forearm", "hand"))
     np.testing.assert_array_equal(forearm - forearm[0], frames - frames[0])
     np.testing.assert_array_equal(hand, forearm if rows == "wide" else forearm[30:])
-    assert "the frame counter begins anew after" in samples.notes[0]
+    assert "the frame counter restarts after" in samples.notes[0]
 
 
 def test_nanoseconds_are_added_and_dates_are_read(tmp_path: Path) -> None:

@@ -93,8 +93,8 @@ def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
     [
         (np.diag([1.0, 1, -1]), "rotation is mirrored (determinant -1)"),
         (np.zeros((3, 3)), "rotation is all zeros; zeros that stand for missing values must be written as"),
-        (1.02 * np.eye(3), "matrix is no rotation: its columns are off unit length and right angles by"),
-        (np.diag([30.0, -20, 50]), "matrix is no rotation"),
+        (1.02 * np.eye(3), "matrix is not a rotation: its columns are off unit length and right angles by"),
+        (np.diag([30.0, -20, 50]), "matrix is not a rotation"),
     ],
 )
 def test_what_is_no_rotation_is_refused_where_it_stands(bad: np.ndarray, message: str) -> None:

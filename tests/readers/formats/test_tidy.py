@@ -58,7 +58,7 @@ def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) ->
     np.testing.assert_array_equal(samples.frame, [7, 8])
     np.testing.assert_array_equal(samples.time_s, [0.5, 0.5])
     np.testing.assert_array_equal(samples.numbers, [[1, 2, 3, 1, 0, 0, 0]] * 2)
-    assert samples.notes == (("10 rows without any cell are left out",) if ",,,,,," in str(content) else ())
+    assert samples.notes == (("10 empty rows are left out",) if ",,,,,," in str(content) else ())
     assert samples.locate(1).endswith("line 4" if samples.notes else "line 3") or content.count("\n") != 3
 
 

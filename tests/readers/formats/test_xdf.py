@@ -115,20 +115,20 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "is no XDF file"),
-        (b"PK\x03\x04", "is no XDF file"),
+        (b"", "is not an XDF file"),
+        (b"PK\x03\x04", "is not an XDF file"),
         (xdf_of(), "has no stream of type MoCap; it has no stream at all"),
         (file_of(xdf_header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7]), r"it has cap \(EEG\)"),
         (file_of(xdf_header(TWO), TIMES[:0], VALUES[:0]), "has no samples"),
         (file_of(xdf_header(TWO, unit="feet")), "unit: is 'feet'; expected meters"),
-        (file_of(xdf_header(TWO, unit="")), "has no unit; say position_unit"),
+        (file_of(xdf_header(TWO, unit="")), "has no unit; set position_unit"),
         (file_of(xdf_header(["hand"], types=EULER), TIMES, VALUES[:, :6]), "has angles"),
         (
             file_of(xdf_header(["hand"], types=TYPES[:6]), TIMES, VALUES[:, :6]),
             "no channels of type OrientationD",
         ),
         (file_of(xdf_header(["hand", "hand"])), "has 2 channels of type PositionX"),
-        (file_of(xdf_header(TWO, number="string")), "holds string; expected numbers"),
+        (file_of(xdf_header(TWO, number="string")), "has format string; expected numbers"),
         (file_of(xdf_header(TWO[:1]).replace(b">7<", b">14<")), "has 14 channels, but its header describes"),
         (PLAIN.replace(b"<nominal_srate>240<", b"<nominal_srate>abc<"), "is damaged: pyxdf cannot read it"),
         (PLAIN.replace(b"<info><name>", b"<info><nome>"), "is damaged: pyxdf cannot read it"),
@@ -165,14 +165,14 @@ def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
     refuse(
         tmp_path,
         data,
-        r"2 streams of type MoCap \(tracker, number 4, tracker, number 7\); say which in a mapping",
+        r"2 streams of type MoCap \(tracker, number 4, tracker, number 7\); select one in a mapping",
     )
     receivers = {segment: {"value": segment} for segment in TWO}
     mapping = {"format": "xdf", "position_unit": "m", "receivers": receivers}
     refuse(
         tmp_path,
         data,
-        "has 2 streams of 'tracker'; .* say its number",
+        "has 2 streams of 'tracker'; .* give its number",
         mapping | {"xdf": {"stream": "tracker"}},
     )
     samples = read(tmp_path, data, mapping | {"xdf": {"stream": 7}})
