@@ -65,8 +65,8 @@ test-tools: $(developers) tools ## read exported files with these programs
 test-slurm: $(developers) ## run a study on a private Slurm (root, Debian's slurm-wlm and munge)
 	@$(pytest) -m slurm
 
-coverage: $(developers) ## run the fast tests and print the lines that none of them reaches
-	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
+coverage: $(developers) ## run the fast and the slow tests and print the lines that none of them reaches
+	@$(pytest) -m "not tools and not slurm" -n auto --dist loadfile --cov --cov-report=term-missing:skip-covered --cov-fail-under=90
 
 lint: $(developers) ## check style, types and the Snakefile
 	@.venv/bin/ruff check .
