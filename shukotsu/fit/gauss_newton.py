@@ -135,7 +135,7 @@ def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE)
     Parameters
     ----------
     problem : Problem
-        What is fitted to what.
+        Chains, measured frames and priors.
     point : Point
         Where to start.
     most_steps : int

@@ -236,7 +236,7 @@ class Tested:
         Parameters
         ----------
         problem : Problem
-            What is fitted to what.
+            Chains, measured frames and priors.
         point : Point
             The solution.
         only : sequence of int, optional

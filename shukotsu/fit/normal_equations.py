@@ -214,7 +214,7 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted to what.
+    """Chains, measured frames and priors.
 
     receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of a receiver's
     position (mm) and rotation (rad) per component. temper : independent samples per frame.
