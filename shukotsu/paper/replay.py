@@ -314,7 +314,7 @@ class _Replay:
             absent = [name for name in needed if name not in self._seen]
             why = f"no frame in which all of {listed(needed)} are valid"
             if absent:
-                why = f"the recording has no pose of {listed(absent)}, which the replay rides on"
+                why = f"the recording has no pose of {listed(absent)}, which the replay needs"
         return [
             _row(chain.digit.name, binding, len(error_mm), why) | error_statistics(error_mm)
             for binding, error_mm in errors_of.items()

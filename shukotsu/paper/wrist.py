@@ -146,7 +146,7 @@ def wrist_row(
         return _point_row(wrist, configured, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
-    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to estimate it from"
     if positions:
         joints = f"{len(positions)} MCP joint{'s' if len(positions) > 1 else ''}"
         how = f"the point that keeps its distance from {joints}"
