@@ -190,7 +190,7 @@ def fit_calibration(
     Returns
     -------
     Calibrated
-        The hand, the recordings that it was fitted to, and what was displaced in them.
+        The hand, the recordings to which it was fitted, and the displacements in them.
 
     Raises
     ------

@@ -393,7 +393,7 @@ def _flat_chains(
     shared : unknowns that move no chain but affect every receiver, appended to the unknowns of each branch.
     """
     operations = [operation for branch in branches for operation in branch.operations]
-    terms = [  # coefficient, unknown, state; -1 where a factor is left out
+    terms = [  # coefficient, unknown, state; -1 for a factor that is omitted
         [(t.coefficient, *(-1 if f is None else f for f in (t.unknown, t.state))) for t in operation.terms]
         for operation in operations
     ]

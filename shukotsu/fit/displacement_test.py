@@ -210,7 +210,7 @@ class ScoreTest:
         Parameters
         ----------
         problem, point
-            What was solved, and where.
+            Problem as solved, and its solution.
         normal : array, shape (S, 2)
             Offset below which a receiver is not regarded as displaced, mm and rad.
         receivers : sequence of int

@@ -140,7 +140,7 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
     Parameters
     ----------
     problem, point
-        What was solved, and where.
+        Problem as solved, and its solution.
 
     Returns
     -------

@@ -17,7 +17,7 @@ from shukotsu.hand.rotations import Array
 from shukotsu.tables.poses import Poses, RecordingName, joined_poses
 
 SAME_PLACE = (1.5, float(np.radians(3.0)))
-"""mm and rad within which an offset counts as skin motion, not as a displacement."""
+"""Offset, mm and rad, up to which it is regarded as skin motion, not as a displacement."""
 
 FELT_ERROR, HARMFUL_ERROR = (2.0, float(np.radians(4.0))), (4.0, float(np.radians(8.0)))
 """Error of a disturbed field, mm and rad, above which a receiver is reported as disturbed, and above which

@@ -69,7 +69,7 @@ def copy(values: Array, out: Array) -> None:
     values : array, shape (n, F)
         Source.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     for i in range(len(out)):
@@ -86,7 +86,7 @@ def copy_matrices(values: Array, out: Array) -> None:
     values : array, shape (n, m, F)
         Source.
     out : array, shape (n, m, F)
-        Where the result is written.
+        Output.
 
     """
     for i in range(len(out)):
@@ -101,7 +101,7 @@ def fill(value: float, out: Array) -> None:
     value : float
         Value.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     for i in range(len(out)):

@@ -79,7 +79,7 @@ def by_lower(inverse: Array, B: Array, out: Array) -> None:
     B : array, shape (n, F)
         Vectors.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     fill(0.0, out)
@@ -258,7 +258,7 @@ def by_upper(inverse: Array, B: Array, out: Array) -> None:
     B : array, shape (n, F)
         Vectors.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     fill(0.0, out)
