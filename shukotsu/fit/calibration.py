@@ -300,7 +300,7 @@ def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) 
         return touch_in(tips, poses, rows, (row["digit"],), sd_mm, row["part"] or TIP, point_mm)
     digits = (row["digit"], row["meets"])
     if digits[0] == digits[1]:
-        raise InputError(f"column meets: is {digits[1]!r} as column digit is; expected another digit")
+        raise InputError(f"column meets: is {digits[1]!r}, as is column digit; expected another digit")
     return touch_in(tips, poses, rows, digits, sd_mm, row["part"] or PAD)
 
 

@@ -332,7 +332,7 @@ class _DigitChain:
             drives,
             self._kind(k),
             moved.turn_lag(),
-            faces_anyhow=bool(moved.lags),
+            faces_freely=bool(moved.lags),
         )
 
 

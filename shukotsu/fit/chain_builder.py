@@ -329,7 +329,7 @@ class Builder:
         kind: str | None = None,
         lag: Sequence[Step] = (),
         *,
-        faces_anyhow: bool = False,
+        faces_freely: bool = False,
     ) -> tuple[Step, ...]:
         """Lay out a receiver on its bone, moved by skin as joints bend (docs/whole-hand.md, section 3).
 
@@ -345,7 +345,7 @@ class Builder:
             Kind of the bone; None for the palm. Nails share a habit of placement, and so do all other bones.
         lag : sequence of Step
             Rotations by which the receiver's orientation lags behind its position.
-        faces_anyhow : bool
+        faces_freely : bool
             Whether its roll about the bone is hardly constrained.
 
         Returns
@@ -370,7 +370,7 @@ class Builder:
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", PRIOR.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
             if i == 0 and habit is not None:
-                sd = PRIOR.FACING_SD_RAD if faces_anyhow else PRIOR.ROUND_SD_RAD
+                sd = PRIOR.FACING_SD_RAD if faces_freely else PRIOR.ROUND_SD_RAD
                 steps.append(about(axis, self.free(0.0, sd, "facing", segment)))
         steps += lag
         for i, axis in enumerate(np.eye(3)):

@@ -34,18 +34,18 @@ STEP, SLIDE, FIELD = "step", "slide", "field"
 """Kinds of displacement in the column `loose_kind`: at once, by sliding, or only seemingly in a disturbed
 field."""
 
-_UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
+_NO_ERRORS: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
 """Empty error columns of a hand that follows from anatomy alone: without data, no errors are stated."""
 
 
-def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
+def joint_rows(fit: HandFit, *, from_data: bool = True) -> list[JointCentresRow]:
     """Build the rows of joint_centres, joints between receivers first (docs/whole-hand.md, section 8).
 
     Parameters
     ----------
     fit : HandFit
         The hand.
-    weighed : bool
+    from_data : bool
         Whether the hand was fitted to data; otherwise no errors are stated.
 
     Returns
@@ -64,10 +64,10 @@ def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
             columns: Any = dict(zip(ZERO_COLUMNS, zero_deg, strict=True))
             row |= columns | {"axes_turn_sd_deg": axes.turn_sd_deg}
         rows.append(row)
-    if not weighed:
+    if not from_data:
         for row in rows:
             row |= {"source": "anatomy alone", "status": "ok", "message": ""}
-            row |= _UNWEIGHED
+            row |= _NO_ERRORS
     return rows
 
 
@@ -94,14 +94,14 @@ def _joint_row(joint: FittedJoint) -> JointCentresRow:
     return row
 
 
-def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
+def bone_rows(fit: HandFit, *, from_data: bool = True) -> list[BoneLengthsRow]:
     """Build the rows of bone_lengths: every bone from joint to joint, the last one of a digit to its tip.
 
     Parameters
     ----------
     fit : HandFit
         The hand.
-    weighed : bool
+    from_data : bool
         Whether the hand was fitted to data; otherwise no errors are stated.
 
     Returns
@@ -117,7 +117,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
             "starts_at": digit.joints[index],
             "ends_at": (*digit.joints, catalogue.BONE_TIP)[index + 1],
             "length_mm": fit.bones[segment].length_mm,
-            "sd_mm": fit.bones[segment].sd_mm if weighed else None,
+            "sd_mm": fit.bones[segment].sd_mm if from_data else None,
             "driven_by": "",
             "message": "",
         }

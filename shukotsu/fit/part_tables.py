@@ -102,19 +102,19 @@ def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], 
     """
     tips = hand.tips
     note = {"note": hand.alone} if hand.alone else {}
-    weighed = not plan.models[part.model].is_reference
-    tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
-    tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
+    from_data = not plan.models[part.model].is_reference
+    tables["fitted_joints"].rows(part, joint_rows(tips.fit, from_data=from_data))
+    tables["fitted_bones"].rows(part, bone_rows(tips.fit, from_data=from_data))
     tables["receivers"].rows(part, receiver_rows(tips, hand.unsteady), **note)
-    tables["gains"].rows(part, gains(tips) if weighed else [])
-    tables["length_pulls"].rows(part, pull_rows(tips.fit) if weighed else [])
+    tables["gains"].rows(part, gains(tips) if from_data else [])
+    tables["length_pulls"].rows(part, pull_rows(tips.fit) if from_data else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
-    layout, recordings = plan.layouts[part.hand], plan.posed if weighed else plan.evaluated
+    layout, recordings = plan.layouts[part.hand], plan.posed if from_data else plan.evaluated
     for recording in recordings(part.hand, part.made_without):
         for path in usable_poses([plan.poses(recording)])[0]:
-            if not weighed:
+            if not from_data:
                 for name, columns in posed_sample(tips, path).items():
                     tables[name].columns(part, columns)
                 continue
@@ -205,23 +205,23 @@ def posed_blocks(
             layout, since = fit.layout, poses.frame >= receiver.start.frame
             joints = joints_beside(layout, receiver.segment)
             digits = digits_carried(layout, receiver.segment)
-            _forget(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
-            _forget(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
-        _forget_unmeasured(block, fit, poses)
+            _set_null(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
+            _set_null(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
+        _set_unmeasured_null(block, fit, poses)
         yield block
         first += len(poses.frame)
 
 
-def _forget_unmeasured(block: Mapping[str, Columns], fit: HandFit, poses: Poses) -> None:
+def _set_unmeasured_null(block: Mapping[str, Columns], fit: HandFit, poses: Poses) -> None:
     """Set to null all values that no receiver of the fit shows."""
     valid = poses.valid & np.isin(poses.segments, fit.model.receivers)
     measured, posed = measured_in(fit.layout, poses.segments, valid), valid.sum(1) >= LEAST_RECEIVERS
     of_table = {"joint_angles": measured.joints, "bone_poses": measured.bones, "posed_tips": measured.tips}
     for table, columns in block.items():
-        _forget(columns, {name: ~(seen & posed) for name, seen in of_table[table].items()}, NOT_MEASURED)
+        _set_null(columns, {name: ~(seen & posed) for name, seen in of_table[table].items()}, NOT_MEASURED)
 
 
-def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
+def _set_null(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
     """Set numbers to null, and flag the reason in rows without a flag.
 
     gone : frames (T,) to clear, by joint, segment or digit.
@@ -261,7 +261,7 @@ def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
         "bone_poses": bone_columns(name, posed, poses),
         "posed_tips": tip_columns(name, fit, posed, poses, every, _ends_mm(tips, posed)),
     }
-    _forget_unmeasured(block, fit, poses)
+    _set_unmeasured_null(block, fit, poses)
     return block
 
 

@@ -106,7 +106,7 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
     ]
     for joint in needed:
         if joint not in rows or rows[joint]["status"] == "failed":
-            reason = rows[joint]["message"] if joint in rows else "no receiver was worn on both sides of it"
+            reason = rows[joint]["message"] if joint in rows else "receivers on both sides were not worn"
             return f"{joint} failed: {reason}"
     base = needed[0]
     base_point = vector_of(rows[base], "child_" if at_wrist else "parent_", "_mm")

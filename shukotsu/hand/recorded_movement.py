@@ -155,8 +155,8 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
         still = reader.model.metacarpals.unmeasured in ("rest", "rigid")
         if still and not reader.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
             reasons.append(
-                "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP "
-                "joint's angles"
+                "the model keeps the metacarpal still in the hand, so the MCP joint's angles include the CMC "
+                "joint's motion"
             )
     return status, join_reasons(reasons)
 

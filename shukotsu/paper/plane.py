@@ -241,7 +241,7 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
         if joint is None:
             raise InputError(
                 f"{solutions}: joint {solution['joint']} is not in layout {layout.name}; "
-                "give the layout that the joints were solved with"
+                "use the layout with which the joints were solved"
             )
         row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
         row |= {"subject": plan.who.subject, "session": plan.who.session}

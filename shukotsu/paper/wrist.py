@@ -149,7 +149,7 @@ def wrist_row(
     how = "the average hand's wrist; there is no forearm receiver and no MCP joint to estimate it from"
     if positions:
         joints = f"{len(positions)} MCP joint{'s' if len(positions) > 1 else ''}"
-        how = f"the point that keeps its distance from {joints}"
+        how = f"the point whose distance to {joints} varies least"
     doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
     doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
     if len(doubtful) > len(positions) / 2:

@@ -122,8 +122,8 @@ class RecordingTruth:
         shift = min(off_mm, key=lambda shift: off_mm[shift])
         if off_mm[shift] > OTHER_MM:
             raise InputError(
-                f"{self.folder}: is not the truth of this recording of {self.name}, whose receivers are not "
-                "where it says that they were recorded; simulate the recording and its truth again"
+                f"{self.folder}: is not the truth of this recording of {self.name}: receivers' positions "
+                "differ from the recorded ones; simulate the recording and its truth again"
             )
         return {digit: replace(true, frame=true.frame + shift) for digit, true in of_digit.items()}
 

@@ -310,5 +310,5 @@ def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> i
     if seed < 0:
         raise InputError(f"seed {seed} is negative; expected 0 or more")
     if n_frames is not None and n_frames < 2:
-        raise InputError(f"{count_of(n_frames, 'frame', 'are')} no motion; expected 2 or more")
+        raise InputError(f"{count_of(n_frames, 'frame', 'are')} not enough; expected 2 or more")
     return n_frames or TASK_FRAMES[task]

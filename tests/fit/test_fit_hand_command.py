@@ -104,7 +104,7 @@ REFUSALS: dict[str, tuple[Refused, str]] = {
     ),
     "a digit that met itself": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex")],
-        "row 2: column meets: is 'index' as column digit is; expected another digit",
+        "row 2: column meets: is 'index', as is column digit; expected another digit",
     ),
     "a touch of neither a point nor a digit": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tindex\ttip\t1\t2\t0\t\t0\t1")],
