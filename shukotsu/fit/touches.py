@@ -187,7 +187,7 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
         squared, apart_mm = misfits[worst]
         refused.append(
             f"{equations.pop(worst).name} is {apart_mm:.1f} mm ({np.sqrt(squared):.1f} sd) from where the "
-            "hand and all other touches predict it: left out; perhaps another digit or part touched, or none"
+            "hand and all other touches predict it: left out, as it may be another digit or part or no touch"
         )
     return replace(tips, refused=(*tips.refused, *refused))
 
