@@ -43,7 +43,7 @@ UNMODELLED = "unmodelled"
 """Group of unknowns for errors of lengths outside the fitted model (section 8)."""
 
 _FINGER_JOINTS = 4
-"""Joints of a digit that has a DIP joint."""
+"""Number of joints of a digit that has a DIP joint."""
 
 
 @dataclass(frozen=True)

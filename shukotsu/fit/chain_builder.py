@@ -60,7 +60,7 @@ class Amount:
         Returns
         -------
         array, shape (G,)
-            In the amount's unit per unit of an unknown, which is one sd of its prior.
+            Derivative, in the amount's unit per sd of the unknown's prior.
 
         """
         row = np.zeros(n_unknowns)
@@ -351,7 +351,7 @@ class Builder:
         Returns
         -------
         tuple of Step
-            From the bone's frame to the mark of the receiver.
+            Steps from the bone's frame to the mark of the receiver.
 
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"

@@ -27,7 +27,7 @@ from shukotsu.fit.operations import Branch, Index, Reached
 from shukotsu.hand.rotations import Array
 
 BLOCK_FRAMES = 128
-"""Frames that are posed together: their data fit into a core's cache."""
+"""Number of frames that are posed together; their data fit into a core's cache."""
 
 _LEAST_GAIN = 1e-4
 """Relative decrease of a frame's cost below which its iteration ends."""
@@ -276,7 +276,7 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
     problem : Problem
         Chains, measured frames and priors.
     point : Point
-        Where it is linearised.
+        Point at which it is linearised.
     damping : float
         Marquardt's: share of the diagonal that is added to it, for states and roots only.
 
@@ -325,7 +325,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
     problem : Problem
         Chains, measured frames and priors.
     point : Point
-        Where the step starts.
+        Point at which the step starts.
     steps : Steps
         Normal equations as reduced at that point.
     dx : array, shape (G,)
@@ -334,7 +334,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
     Returns
     -------
     Point
-        Where the step ends.
+        Point after the step.
 
     """
     at = _poses(point)
@@ -355,7 +355,7 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     problem : Problem
         F frames.
     point : Point
-        Where to start; its x is kept.
+        Start; its x is kept.
     steps : int
         Most steps; a frame ends earlier when a step lowers its cost by less than a 10,000th.
 

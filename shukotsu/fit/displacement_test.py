@@ -465,7 +465,7 @@ class Eliminated:
         problem : Problem
             Chains, measured frames and priors.
         point : Point
-            Where it is linearised.
+            Point at which it is linearised.
 
         Returns
         -------

@@ -77,7 +77,7 @@ class Disturbance:
         Parameters
         ----------
         position_mm : array, shape (..., 3)
-            In the transmitter frame.
+            Positions in the transmitter frame.
 
         Returns
         -------
@@ -93,7 +93,7 @@ class Disturbance:
         Parameters
         ----------
         position_mm : array, shape (..., 3)
-            In the transmitter frame.
+            Positions in the transmitter frame.
 
         Returns
         -------

@@ -185,7 +185,7 @@ def fingertips_of(
     Returns
     -------
     Fingertips
-        In the order of the layout's digits.
+        Fingertips in the order of the layout's digits.
 
     """
     seen = seen_parts(fit, fit.posterior.x, offsets_mm)

@@ -157,7 +157,7 @@ def residual_sd(
     Returns
     -------
     array, shape (S, 2)
-        mm and rad per component; the published sd for receivers that were never valid.
+        Sd, mm and rad per component; the published sd for receivers that were never valid.
 
     """
     out = published.copy()
@@ -467,7 +467,7 @@ def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, Han
     Returns
     -------
     tuple of HandFit
-        In the same order, with the posteriors conditioned.
+        The hands in the same order, with conditioned posteriors.
 
     """
     bones = [name for name in first_fit.bones if name in second_fit.bones]

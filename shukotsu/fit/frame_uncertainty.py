@@ -69,11 +69,11 @@ class _Spread:
     Attributes
     ----------
     shift_mm, turn_rad : array, shape (F, B, 3, N)
-        Of each bone's proximal joint, and of its rotation.
+        Errors of each bone's proximal joint, and of its rotation.
     states_rad : array, shape (F, S, N)
-        Of the joint angles.
+        Errors of the joint angles.
     unknowns : array, shape (G + 6 D, N)
-        Of the hand's unknowns and the soft parts' offsets.
+        Errors of the hand's unknowns and the soft parts' offsets.
 
     """
 

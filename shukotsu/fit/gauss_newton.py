@@ -153,7 +153,7 @@ def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE)
     problem : Problem
         Chains, measured frames and priors.
     point : Point
-        Where to start.
+        Start.
     most_steps : int
         Largest number of steps.
     close : float

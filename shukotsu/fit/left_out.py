@@ -166,7 +166,7 @@ def _errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance) -> Ar
 
 
 def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
-    """Return the offset (T, 6) of a receiver from its first place in every row of all recordings."""
+    """Return the offset (T, 6) of a receiver from its first position in every row of all recordings."""
     first_row = np.cumsum([0, *(len(poses.frame) for poses in recordings)])
     row = np.arange(first_row[-1])
     way = np.zeros((len(row), 6))

@@ -212,7 +212,7 @@ class Branch:
         Parameters
         ----------
         by_operation : array, shape (..., F, 6, O)
-            As `by_operation` returns them.
+            Derivatives as returned by `by_operation`.
         y : array, shape (F, S)
             Joint angles, rad.
 

@@ -74,7 +74,7 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
     digit : Digit
         The digit.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     rows : mapping
         Rows of joint_centres of one hand and model by joint, including the wrist point.
 

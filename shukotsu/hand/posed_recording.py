@@ -51,7 +51,7 @@ def read_skeleton(
     tables, opened : callable
         As in `RecordingReader`.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     part : Part
         Hand, model, and the task left out.
 
@@ -92,7 +92,7 @@ class RecordingReader:
     recording : Recording
         The recording.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     part : Part
         Keys of the rows to read: hand, model, and the task left out.
     poses_file : Path

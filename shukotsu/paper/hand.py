@@ -209,7 +209,7 @@ def metacarpal_columns(
     metacarpal : MetacarpalBone
         The metacarpal and its mode.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     poses : Poses
         T frames.
     neutral : tuple or None
@@ -287,7 +287,7 @@ def neutral_posture(
     metacarpal : MetacarpalBone
         The metacarpal and its mode.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording to pose.
 
@@ -392,7 +392,7 @@ def build_hand(
     rows : mapping
         Rows of joint_centres by joint.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     calibration : PosesReader
         Calibration recordings.
     fitted_bones : mapping, optional
@@ -450,7 +450,7 @@ def pose_metacarpals(
     hand : BuiltHand
         The assembled hand.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording.
     fitted : callable, optional

@@ -22,7 +22,7 @@ from shukotsu.arrays import Bool, Bools, Float, Int, Integers
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
-"""Frames averaged into one batch mean: short compared with any hand motion, at 240 Hz and at 60 Hz."""
+"""Number of frames that are averaged into one batch mean: short compared with any hand motion, at 240 Hz and at 60 Hz."""
 
 MAX_BATCHES = 1 << 16
 """Largest number of batches of a joint, nine minutes at 240 Hz. Longer recordings have longer batches, so
@@ -30,7 +30,7 @@ that memory is bounded.
 """
 
 BLOCK_FRAMES = 8192
-"""Frames processed at once; they fit into the processor's cache."""
+"""Number of frames that are processed at once; they fit into the processor's cache."""
 
 _PRODUCTS, _FEATURES = 9, 12  # xx yy zz wx wy wz xy xz yz of the quaternion, then d (3,)
 
