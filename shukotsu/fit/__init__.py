@@ -1,4 +1,4 @@
 """Fit of a whole hand: joints, bones, receiver placement and skin motion together, with anatomy as a prior.
 
-On paper: docs/whole-hand.md; each module names its sections.
+On paper: docs/whole-hand.md, whose sections are named in each module.
 """

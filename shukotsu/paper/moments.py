@@ -22,8 +22,7 @@ from shukotsu.arrays import Bool, Bools, Float, Int, Integers
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
-"""Number of frames averaged into a batch mean: short compared with any hand motion, at 240 Hz and at 60
-Hz."""
+"""Number of frames averaged into a batch mean: short compared with any hand motion at 60 and 240 Hz."""
 
 MAX_BATCHES = 1 << 16
 """Largest number of batches of a joint, nine minutes at 240 Hz. Longer recordings have longer batches, so
