@@ -254,7 +254,7 @@ def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FR
         Every n-th frame, the first one included.
 
     """
-    return read_every(path, segments, -(-frame_count(path) // most_frames))
+    return read_every(path, segments, -(-frame_count(path) // most_frames))  # rounded up
 
 
 def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:

@@ -72,8 +72,8 @@ def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Disp
     Returns
     -------
     list of Poses
-        The recordings with these receivers not valid, nor receivers with a harmful error of a disturbed field
-        (unless that concerns more than half of a receiver's frames).
+        The recordings without these receivers, and without receivers in frames in which a disturbed field has
+        a harmful error (unless these are more than half of a receiver's frames).
 
     """
     recording, valid = recording_of_rows(recordings), joined_poses(recordings).valid.copy()

@@ -47,7 +47,7 @@ from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks
 
 
 def fitted_plan(plan: SubjectPlan, hand: str | None, model: str | None) -> SubjectPlan:
-    """Restrict the plan to the recordings that the fit reads; for the reference model, add it to the plan."""
+    """Restrict the plan to the recordings that the fit reads, and to the reference model if that is meant."""
     if model == REFERENCE:
         plan = replace(plan, models={REFERENCE: read_model(REFERENCE)})
     planned = plan.models.get(model or "") if plan.is_study else None
@@ -188,6 +188,7 @@ def posed_blocks(
         for receiver in moved:
             valid[recorded.frame >= receiver.start.frame, recorded.index(receiver.segment)] = False
         poses = replace(recorded, valid=valid)
+        # every step-th frame of the whole recording is also posed without the distal receivers
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
         ends_mm = _ends_mm(tips, posed, poses)
         frames = fit.convention.frames(poses)
