@@ -43,11 +43,9 @@ _LENGTHS = {  # metacarpal, phalanges from the knuckle outward, soft tip; mm
     "ring": (52.0, 44.7, 28.2, 21.1, 4.0),
     "little": (48.0, 36.3, 20.4, 19.1, 3.7),
 }
-# Direction and axes of a finger, deg: fan angle and roll of the nail towards the thumb; obliquity of the
-# PIP and DIP
-# axes (+: the end at the thumb's side is distal); twist of the DIP axis; lean of the tip towards the thumb;
-# and roll
-# of the metacarpal per degree of its flexion.
+# Direction and axes of a finger, deg: fan angle and roll of the nail towards the thumb; obliquity of the PIP
+# and DIP axes (+: the end at the thumb's side is distal); twist of the DIP axis; lean of the tip towards the
+# thumb; and roll of the metacarpal per degree of its flexion.
 _FINGER = {
     "index": (5.0, 2.0, -5.0, -1.3, 11.0, -3.2, 0.0),
     "middle": (0.0, 0.0, -2.1, -0.8, 8.0, -2.5, 0.0),
@@ -170,8 +168,7 @@ def _back_of_hand(along: Array) -> Array:
     return unit(_UP - (_UP @ along) * along)
 
 
-# Skin at a receiver: height above the line of centres and half width, mm; distal slope, deg; share of the
-# length.
+# Skin at a receiver: height above the line of centres, half width, mm; distal slope, deg; share of length.
 _SURFACE = {
     "hand": (9.5, 32.0, 1.0, 0.27),
     "forearm": (19.0, 28.0, 3.0, 0.70),
@@ -271,7 +268,7 @@ class _Drawing:
         self.bones |= {name: DrawnBone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
         cup = self._off(across, (shaft, 8)) + cups * shaft
         self._join(f"{digit}_cmc", ("hand", names[0]), ends[0], [cup], 0.2)
-        axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # it rolls, too
+        axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # rolls slightly
         self._join(f"{digit}_mcp", (names[0], names[1]), ends[1], axes, 0.6)
         self._join(
             f"{digit}_pip", (names[1], names[2]), ends[2], [turn_about_axis(across, up, -oblique[0])], 0.25

@@ -282,8 +282,7 @@ def _touches(
     touches = []
     for row in sheet_rows:
         poses = recordings[row["task"], row["trial"]]
-        # a person pinches in the same way each time, so all contacts of two digits together weigh as much
-        # as one
+        # a person pinches in the same way each time: all contacts of two digits together weigh as much as one
         shared_mm = CONTACT_SD_MM * met[frozenset((row["digit"], row["meets"]))] ** 0.5
         rows = np.flatnonzero((poses.time_s >= row["from_s"]) & (poses.time_s <= row["to_s"]))
         try:

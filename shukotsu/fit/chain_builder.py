@@ -378,7 +378,7 @@ class Builder:
             turn = self._put_on(Amount(slope, ()), PRIOR.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", PRIOR.TILT_SD[i])
             if i == 1 and kind == "distal" and drives:
-                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # beyond the usual
+                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # common to all nails
                 skin += drives[0].terms(PRIOR.DISTAL_TILT) + drives[0].terms(PRIOR.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))

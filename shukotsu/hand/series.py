@@ -97,8 +97,8 @@ def effective_samples(series: Float[Array, "B C"], variance: float, n_frames: in
     if blocks < 4 or variance <= 0.0:
         return float(max(blocks, 1))
     centred = (series - series.mean(0)).T
-    for reach in (blocks // 8, blocks - 1):  # lags that do not wrap around; the crossing is mostly early
-        least = blocks + reach  # up to an even length 2^a 3^b 5^c, of which a Fourier transform is fast
+    for reach in (blocks // 8, blocks - 1):  # all lags only if the crossing is not among the first ones
+        least = blocks + reach  # no lag wraps around; rounded up to 2^a 3^b 5^c, for a fast transform
         length = min(odd << max(1, int(-(-least // odd) - 1).bit_length()) for odd in _ODD_FACTORS)
         spectrum = np.fft.rfft(centred, length)
         power = np.sum(spectrum.real**2 + spectrum.imag**2, 0)

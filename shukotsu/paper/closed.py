@@ -199,7 +199,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
     apart, together = np.concatenate([U, -V]), np.concatenate([U, V])
     weights = np.where(np.arange(3) >= 6 - n_singular_values, 1.0 / np.maximum(small, _SINGULAR), 0.0)
-    # inverse of [[I, -M], [-M^T, I]] by its eigenvectors (docs/method.md), zero in directions left out
+    # inverse of [[I, -M], [-M^T, I]] by its eigenvectors (docs/method.md), without the directions left out
     inverse = np.asarray((apart / (1.0 + s)) @ apart.T + (together * weights) @ together.T) / 2
     covariance = gap**2 / 3 / n_effective * inverse
     turn = np.eye(6)

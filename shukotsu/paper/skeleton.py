@@ -234,7 +234,7 @@ def _pose_recording(
             return parts.recording(*keys, len(frames), frames, segment).get(segment)
 
     for path in usable_poses([plan.poses(recording)])[0]:
-        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # None: fit failed
+        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # no fit
         for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})

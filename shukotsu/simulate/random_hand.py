@@ -24,8 +24,7 @@ from shukotsu.simulate.realism import Realism, generator
 DIGITS = tuple(CT)
 FINGERS = DIGITS[1:]
 
-# Joint j moves bone j + 1. Joints are in levels outward from the body; all joints of a level are posed at
-# once.
+# Joint j moves bone j + 1. Joints are in levels outward from the body; a level is posed in one operation.
 JOINTS = (
     "wrist",
     *(f"{digit}_cmc" for digit in DIGITS),
