@@ -285,8 +285,8 @@ def _joint(joint: Joint, places: Mapping[str, Place], fit: SolvedFit) -> FittedJ
     doubts, sides = _doubts(joint, fit), (joint.parent_receiver, joint.child)
     unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
     nowhere = (
-        f"no receiver on {listed(unworn)}, which would carry the centre; bone_lengths and bone_poses have "
-        "its estimate"
+        f"no receiver on {listed(unworn)}: no worn receiver carries the centre; its estimate is in "
+        "bone_lengths and bone_poses"
     )
     return FittedJoint(
         name=joint.name,
