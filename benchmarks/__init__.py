@@ -1,1 +1,1 @@
-"""Benchmarks: cost and accuracy of the stages, each number beside a reference from the same run."""
+"""Benchmarks: cost and accuracy of the stages, with references from the same run."""

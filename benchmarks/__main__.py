@@ -10,21 +10,21 @@ import sys
 from benchmarks.benchmark_table import add_people, write_tables
 
 BENCHMARKS = {
-    "cost": "whole studies, and a whole hand fitted, posed and judged: time and memory",
-    "two_drawings": "whole hands drawn by us and by others: errors, what is believed, sd",
-    "sources": "people drawn round a source that the prior is made without: errors, lengths, stated sd",
-    "agreement": "simulated people recorded twice: differences of bones over what was expected",
+    "cost": "time and memory of whole studies, and of fitting, posing and judging a hand",
+    "two_drawings": "hands of our simulator and of an independent one: errors, verdicts, stated sd",
+    "sources": "people drawn around a source that is left out of the prior: errors, lengths, stated sd",
+    "agreement": "simulated people recorded twice: differences of bone lengths over their expected sd",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
-    "keystrokes": "simulated pianists: contact, speed, fingering",
-    "null_studies": "studies in which nothing differs: false positives, power",
+    "keystrokes": "simulated pianists: contact, speed and fingering",
+    "null_studies": "studies with and without a true difference: false positives and power",
 }
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the benchmark that the command line names, print each table as it is made; give the exit code."""
+    """Run the benchmark that the command line names, and print each table; return the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     name = _parser().parse_args(argv[:1]).name
-    os.environ["OMP_NUM_THREADS"] = "1"  # before NumPy is there: one thread each, as in the workflow
+    os.environ["OMP_NUM_THREADS"] = "1"  # set before NumPy is imported: one thread, as in the workflow
     benchmark = importlib.import_module(f"benchmarks.{name}")
     parser = argparse.ArgumentParser(
         prog=f"python -m benchmarks {name}", description=benchmark.__doc__, allow_abbrev=False
@@ -35,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
         benchmark.add_options(parser)
     page, section = getattr(benchmark, "WRITTEN_TO", ("", ""))
     if page:
-        parser.add_argument("--write", action="store_true", help=f"put the tables into docs/{page}")
+        parser.add_argument("--write", action="store_true", help=f"write the tables to docs/{page}")
     options = vars(parser.parse_args(argv[1:]))
     write, tables = options.pop("write", False), []
     for table in benchmark.run(**options):
@@ -51,10 +51,10 @@ def _parser() -> argparse.ArgumentParser:
     lines = [f"  {name:{width}}  {summary}" for name, summary in BENCHMARKS.items()]
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
-        description="Measure what the stages cost and how well they do. Seconds are of this machine, now;\n"
-        "ratios are what to quote.\n\nbenchmarks:\n" + "\n".join(lines),
+        description="Measure the cost and the accuracy of the stages. Seconds depend on this machine and\n"
+        "its load; quote ratios.\n\nbenchmarks:\n" + "\n".join(lines),
         epilog="example:\n  python -m benchmarks two_drawings --hands 24 --write\n\n"
-        "python -m benchmarks NAME --help lists the options of one.",
+        "python -m benchmarks NAME --help lists the options of a benchmark.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

@@ -1,4 +1,4 @@
-"""Simulated people recorded twice: how far bones' lengths differ, over what their errors let expect."""
+"""Simulated people recorded twice: differences of bone lengths relative to their expected sd."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KINDS = ("thumb metacarpal", "metacarpal", "proximal", "middle", "distal")
 
 
 def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
-    """Return the table over that many people, of each both hands, in two sessions and two recordings."""
+    """Yield the table over n_hands people: both hands, two sessions and two recordings of each."""
     rows = [row for person in of_each_person(one_person, n_hands, seed) for row in person]
     table: list[tuple[str | float | int, ...]] = []
     for across in ACROSS:
@@ -36,15 +36,15 @@ def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
             table.append((across, kind, len(z), float(np.sqrt(np.mean(z**2))), float(z.std()), inside))
     columns = ("across", "bones", "pairs:d", "times expected:.2f", "sd of z:.2f", "in 95 %:.0f")
     meaning = (
-        "z: difference of two lengths of one bone over the sd that it should have. Session: receivers put on "
-        "anew, the same movements anew. Hand: right and left of one session. Recording: range of motion and "
-        "opposition of one session. Times expected: root mean square of z, 1 where errors are as stated."
+        "z: difference of two lengths of one bone over its expected sd. Session: receivers put on again and "
+        "movements repeated. Hand: right and left hand of one session. Recording: range of motion and "
+        "opposition of one session. Times expected: root mean square of z, 1 if errors are as stated."
     )
     yield PrintedTable("people recorded twice", columns, table, meaning)
 
 
 def one_person(seed: int) -> list[dict[str, Any]]:
-    """Return a person's pairs, with the kind of bone."""
+    """Return a person's compared pairs, with the kind of bone."""
     pulls: list[tuple[str, str, str, LengthPullsRow]] = []
     for hand in ("right", "left"):
         for session, task in RECORDED:

@@ -1,4 +1,4 @@
-"""Tables in plain text and the pages of the guide that hold them; processes and what they use."""
+"""Tables in plain text, the pages of the guide that contain them, and processes with their resources."""
 
 from __future__ import annotations
 
@@ -29,9 +29,19 @@ _WIDTH = 110
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """columns : of each "name", or "name:format" as in an f-string; a cell of None prints as a dash.
+    """A table in plain text.
 
-    meaning : what the numbers are and what they say.
+    Attributes
+    ----------
+    title : str
+        First line.
+    columns : sequence of str
+        For each column "name", or "name:format" with a format as in an f-string.
+    rows : sequence of tuple
+        Cells; None is printed as a dash.
+    meaning : str
+        Explanation of the numbers, printed below the table.
+
     """
 
     title: str
@@ -63,9 +73,9 @@ def _text(cell: Cell, form: str) -> str:
 
 
 def write_tables(page: str, tables: Sequence[PrintedTable], command: str, section: str) -> None:
-    """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of.
+    """Write the tables of a command into a page of docs/, with the machine on which they were measured.
 
-    section : what the marks are called, in a page that holds the tables of several commands.
+    section : name of the marks in the page between which the tables are.
     """
     path = DOCS / page
     blocks = [f"As printed by `{command}` on {machine()}."]
@@ -75,7 +85,7 @@ def write_tables(page: str, tables: Sequence[PrintedTable], command: str, sectio
 
 
 def machine() -> str:
-    """Name this machine: cores, processor, memory, system, Python and packages."""
+    """Describe this machine: cores, processor, memory, system, Python and packages."""
     memory_kb = _entry("/proc/meminfo", "MemTotal").removesuffix(" kB")
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "pyarrow", "scipy", "snakemake"))
     return (
@@ -86,30 +96,30 @@ def machine() -> str:
 
 
 def _entry(file: str, name: str) -> str:
-    """The first value of that name in a file of `name : value` lines; empty where there is none."""
+    """Return the first value of that name in a file of `name : value` lines; empty if there is none."""
     path = Path(file)
     lines = path.read_text("utf-8").splitlines() if path.is_file() else []
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
 
 
 def add_people(parser: argparse.ArgumentParser, n_hands: int, seed: int) -> None:
-    """Declare how many hands are drawn, and from which seed on."""
+    """Add options for the number of drawn hands and the first seed."""
     parser.add_argument("--hands", dest="n_hands", type=int, default=n_hands, help=f"drawn hands ({n_hands})")
-    parser.add_argument("--seed", type=int, default=seed, help=f"of the first person ({seed})")
+    parser.add_argument("--seed", type=int, default=seed, help=f"seed of the first person ({seed})")
 
 
 def of_each_person(measured: Callable[[int], T], n_people: int, seed: int) -> list[T]:
-    """Measure each drawn person, by seed."""
+    """Return the results of `measured` for the seeds of n_people drawn people, in two processes."""
     with workers() as pool:
         return list(pool.map(measured, range(seed, seed + n_people)))
 
 
 def workers() -> ProcessPoolExecutor:
-    """Return two processes to work in, that start anew."""
+    """Return a pool of two processes that are started as new interpreters."""
     return ProcessPoolExecutor(2, mp_context=get_context("spawn"))
 
 
-# A small process of its own: Linux counts the memory of a parent that forks as the child's.
+# A separate small process, because Linux attributes the memory of a forking parent to its child.
 _LAUNCHER = """
 import resource, subprocess, sys, time
 started = time.perf_counter()
@@ -122,8 +132,17 @@ print(code, time.perf_counter() - started, usage.ru_utime + usage.ru_stime, usag
 
 @dataclass(frozen=True)
 class Usage:
-    """Resources of a process: wall-clock seconds, processor seconds including its children, memory of the
-    largest of them in MB; and its output.
+    """Resources and output of a process.
+
+    Attributes
+    ----------
+    seconds, processor_s : float
+        Wall-clock time; processor time including child processes.
+    memory_mb : float
+        Memory of the largest of these processes.
+    output : str
+        Standard output and error.
+
     """
 
     seconds: float
@@ -133,7 +152,7 @@ class Usage:
 
 
 def run_python(*arguments: str, folder: Path = ROOT, **environment: str) -> Usage:
-    """Run this Python, with this project importable and one thread; RuntimeError where it fails."""
+    """Run this Python with one thread and this project importable; raise RuntimeError if it fails."""
     command = [sys.executable, *arguments]
     launched = subprocess.run(
         [sys.executable, "-c", _LAUNCHER, *command],
@@ -152,6 +171,6 @@ def run_python(*arguments: str, folder: Path = ROOT, **environment: str) -> Usag
 
 
 def run_study(folder: Path, cores: int, *options: str, **environment: str) -> Usage:
-    """Run the folder's study.yaml by Snakemake; RuntimeError where it fails."""
+    """Run the folder's study.yaml by Snakemake; raise RuntimeError if it fails."""
     words = [f"--snakefile={ROOT / 'Snakefile'}", f"--cores={cores}", f"--configfile={folder / 'study.yaml'}"]
     return run_python("-m", "snakemake", *words, *options, folder=folder, **environment)

@@ -1,4 +1,4 @@
-"""Cost of studies and their stages, of a change to a study, and of fitting, posing and judging a hand."""
+"""Cost of studies and their stages, of changes to a study, and of fitting, posing and judging a hand."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "benchmarks.md", "tables"
 SEED, CORES, SIMULATED = 42, 2, 2
-"""Seed and cores of studies; so many subjects are simulated, and the others' recordings are copies."""
+"""Seed and cores of studies, and number of simulated subjects; recordings of other subjects are copies."""
 
 FRAMES = {"rom": 6000, "opposition": 3774}
 ROLES = {"rom": "calibration", "opposition": "evaluation"}
@@ -38,13 +38,16 @@ MODELS = "paper-fig3-rest, paper-fig3, paper-fig4, paper-fig4-corrected, rigid, 
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--subjects", type=int, nargs="+", default=[1, 10], help="of each study (1 10)")
-    parser.add_argument("--models", default=MODELS, help=f"of each study ({MODELS})")
-    parser.add_argument("--rounds", type=int, default=5, help="of each measurement of a hand (5)")
+    parser.add_argument("--subjects", type=int, nargs="+", default=[1, 10], help="subjects per study (1 10)")
+    parser.add_argument("--models", default=MODELS, help=f"models of each study ({MODELS})")
+    parser.add_argument("--rounds", type=int, default=5, help="repetitions of each measurement of a hand (5)")
 
 
 def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5) -> Iterator[PrintedTable]:
-    """Return the tables; the last study is run again, and with a subject more. rounds : 0 for no hand."""
+    """Yield the tables; the last study is run again unchanged, then with one more subject.
+
+    rounds : repetitions of the measurements of a hand; 0 leaves them out.
+    """
     with tempfile.TemporaryDirectory() as name:
         simulated, rows = Path(name, "simulated"), list[tuple[Cell, ...]]()
         for index in range(SIMULATED):
@@ -67,30 +70,30 @@ def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5
         f"studies: {len(models.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
-        "The whole workflow, report and figures included; Snakemake's own start and planning too. Recordings "
-        f"are raw captures of 16 receivers, {' and '.join(map(str, FRAMES.values()))} frames, of {SIMULATED} "
-        "simulated subjects under as many names as there are subjects.",
+        "The whole workflow, including report and figures and Snakemake's start and planning. Recordings are "
+        f"raw captures of 16 receivers with {' and '.join(map(str, FRAMES.values()))} frames of {SIMULATED} "
+        "simulated subjects, which are reused for all subjects.",
     )
     if rounds:
         yield hand_table(rounds)
 
 
 def stage_table(name: str, folder: Path, jobs: Sequence[dict[str, Any]], usage: Usage) -> PrintedTable:
-    """Return what each stage's jobs took, and beside it what their files take pyarrow alone."""
+    """Return the time of each stage's jobs, and the time that pyarrow alone takes for their files."""
     rows: list[tuple[Cell, ...]] = []
     for stage in dict.fromkeys(each["stage"] for each in jobs):
         of_stage = [each for each in jobs if each["stage"] == stage]
         taken = [sum(each.get(kind, 0.0) for each in of_stage) for kind in KINDS]
         rows.append((stage, len(of_stage), sum(taken), *taken, sum(_floor_s(folder, e) for e in of_stage)))
     work_s = sum(each.get(kind, 0.0) for each in jobs for kind in KINDS)
-    rows.append(("what asks for jobs, Snakemake", len(jobs), usage.processor_s, None, None, None, None))
+    rows.append(("Snakemake, scheduling of jobs", len(jobs), usage.processor_s, None, None, None, None))
     rows.append(("all", len(jobs), usage.processor_s + work_s, None, None, None, None))
     return PrintedTable(
         f"stages of a study: {name}",
         ("stage", "jobs:d", "processor s:.2f", "start:.2f", "files:.2f", "arithmetic:.2f", "floor:.2f"),
         rows,
-        "Start: of the fork, and imports. Files: reading, decoding and writing. Floor: the Parquet files and "
-        "captures that the command line names, read whole and written once more by pyarrow alone.",
+        "Start: fork and imports. Files: reading, decoding and writing. Floor: time that pyarrow alone takes "
+        "to read the Parquet files and captures that the command line names, and to write the outputs again.",
     )
 
 
@@ -120,7 +123,7 @@ def _recordings() -> Iterator[tuple[str, str]]:
 
 
 def run_copies(folder: Path, simulated: Path, subjects: int, models: str, **environment: str) -> Usage:
-    """Write a study of so many subjects, recordings linked from those that are simulated, and run it."""
+    """Write a study with links to the simulated recordings for each subject, and run it."""
     sheet = ["subject\thand\ttask\trole\tfile"]
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
     for index in range(subjects):
@@ -141,8 +144,8 @@ def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
 
 
 def hand_table(rounds: int) -> PrintedTable:
-    """Return what a hand takes."""
-    frames = 6000, 4000  # of the calibration and of the task that is posed
+    """Return the processor time of fitting, posing and judging a hand."""
+    frames = 6000, 4000  # frames of the calibration, and of the task that is posed
     calibration, task = (
         simulate("01", "right", name, 1, Realism(), n).poses() for name, n in zip(ROLES, frames, strict=True)
     )
@@ -152,11 +155,11 @@ def hand_table(rounds: int) -> PrintedTable:
     frames_of_task, single = fit.convention.frames(task), task.take(slice(0, 1))
     work: dict[str, tuple[int, Callable[[], object]]] = {
         "fit of a calibration": (0, lambda: fit_hand([calibration], layout, "right")),
-        "what was displaced in it": (0, lambda: displaced_in(fit, [calibration])),
-        "what a measurement would gain": (0, lambda: gains(tips)),
+        "displacements in it": (0, lambda: displaced_in(fit, [calibration])),
+        "gains of measurements": (0, lambda: gains(tips)),
         "posing": (len(task.frame), lambda: pose_hand(fit, task)),
-        "errors of what was posed": (len(task.frame), lambda: posed_errors(tips, posed, frames_of_task)),
-        "one frame alone": (1, lambda: pose_hand(fit, single)),
+        "errors of the posed frames": (len(task.frame), lambda: posed_errors(tips, posed, frames_of_task)),
+        "posing of a single frame": (1, lambda: pose_hand(fit, single)),
     }
     rows: list[tuple[Cell, ...]] = []
     for name, (count, call) in work.items():

@@ -1,4 +1,4 @@
-"""Recordings of hands without a fault: from the project's simulator, and from an independent one."""
+"""Recordings without a mistake, of usual and unusual hands, from our simulator and an independent one."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ THUMB = "thumb_metacarpal"
 
 @dataclass(frozen=True)
 class Planted:
-    """Poses after a mistake, the hand as declared, what the mapping says of the numbers."""
+    """A recording with or without a mistake: its poses, the declared hand, and what its mapping declares."""
 
     poses: Poses
     hand: str
     declared: Declared = TIDY
 
     def findings(self) -> list[Finding]:
-        """Return the findings, notes left out but those of receivers that hang."""
+        """Return the findings without notes, except notes on receivers that are stuck."""
         findings = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
         return [
             finding for finding in findings if finding.severity != NOTE or finding.kind == "receiver-stuck"
@@ -45,7 +45,7 @@ class Planted:
 
 
 def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, str, Planted]]:
-    """Return the simulator, the peculiarity and the recording of unusual hands without a fault."""
+    """Yield the simulator, the peculiarity and the recording of hands without a mistake."""
     for task in FRAMES:
         for name, recording in _own_odd(seed, hand, task, rng):
             yield "own", f"{name}, {task}", recording
@@ -56,15 +56,20 @@ def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[
 def own_hand(
     seed: int, hand: str, task: str, *, artefact: float = 1.0, at_nail: bool = False, **simulated: Any
 ) -> Planted:
-    """Record a hand of the project's simulator; task : rom or opposition. simulated : as of `simulate`."""
+    """Record a hand of the project's simulator.
+
+    task : rom or opposition. at_nail : whether the thumb metacarpal's receiver faces the nail's side.
+    simulated : further arguments of `simulate`.
+    """
     simulation = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
     return Planted((facing_the_nail(simulation) if at_nail else simulation).poses(), hand)
 
 
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
-    """Record an ordinary hand of the independent simulator; task : rom, opposition, grip, typing or piano.
+    """Record an ordinary hand of the independent simulator.
 
-    The receiver over the thumb's metacarpal faces any way. recorded : fields of `other_hands.Session`.
+    The direction in which the thumb metacarpal's receiver faces depends on the seed. task : rom, opposition,
+    grip, typing or piano. recorded : fields of `other_hands.Session`.
     """
     facing = FACINGS[seed % len(FACINGS)]
     return _other(other_hands.draw_person(seed, thumb_facing=facing), seed, hand, task, **recorded)
@@ -81,7 +86,7 @@ def _other(person: other_hands.Person, seed: int, hand: str, task: str, **record
 
 
 def true_halves(recording: other_hands.DrawnRecording) -> dict[str, Array]:
-    """Return by joint its true centre (2, 3) in the parent's and the child's receiver, mm."""
+    """Return each joint's true centre (2, 3) in the parent's and the child's receiver frame, mm."""
     return {
         joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
         for joint in read_layout(LAYOUT).solvable
@@ -129,7 +134,7 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
 
 
 def exchange_receivers(poses: Poses, *pairs: tuple[str, str]) -> Poses:
-    """Return poses in which receivers are exchanged in pairs."""
+    """Return poses in which pairs of receivers are exchanged."""
     order = list(range(len(poses.segments)))
     for first, second in pairs:
         i, j = poses.index(first), poses.index(second)
@@ -139,7 +144,7 @@ def exchange_receivers(poses: Poses, *pairs: tuple[str, str]) -> Poses:
 
 
 def changed(planted: Planted, **arrays: Any) -> Planted:
-    """Return the recording with other arrays of its poses."""
+    """Replace arrays of the recording's poses."""
     return replace(planted, poses=replace(planted.poses, **arrays))
 
 
@@ -160,7 +165,7 @@ def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
 
 
 def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
-    """Let those joints move a tenth of their usual range."""
+    """Record a hand in which these joints move a tenth of their usual range."""
 
     def change(motion: TaskMotion) -> TaskMotion:
         angles = motion.angles_rad.copy()
@@ -172,7 +177,7 @@ def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
 
 
 def _deform_fingers(seed: int, hand: str, task: str, rng: np.random.Generator) -> Planted:
-    """Fingers that drift to the ulna by 20 deg, and a phalanx a quarter shorter."""
+    """Record a hand whose fingers deviate to the ulna by 20 deg, with one bone a quarter shorter."""
     short = int(rng.integers(7, 21))
 
     def hand_of(*args: Any) -> RandomHand:
@@ -189,13 +194,13 @@ def _deform_fingers(seed: int, hand: str, task: str, rng: np.random.Generator) -
 
 
 def nail_turn(simulated: Simulated) -> Array:
-    """Quaternion (4,) about the metacarpal's long axis that puts its y nearest the MCP's flexion axis."""
+    """Return the rotation (4,) about the metacarpal's long axis that brings its y nearest the MCP's axis."""
     _, y, z = simulated.truth.hand.axes[JOINTS.index("thumb_mcp"), FLEXION]
     return about_axis(np.array([1.0, 0.0, 0.0]), float(np.arctan2(z, y)))
 
 
 def facing_the_nail(simulated: Simulated) -> Simulated:
-    """The recording and its truth with that receiver carried about the bone, everything else as it was."""
+    """Move the thumb metacarpal's receiver about the bone to the nail's side, in recording and truth."""
     mounts, turn = simulated.truth.mounts, nail_turn(simulated)
     receiver = mounts.segments.index(THUMB)
     bone_to_receiver = conjugate(mounts.quaternion[receiver])

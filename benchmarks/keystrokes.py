@@ -1,4 +1,4 @@
-"""Keystrokes of simulated pianists: contact, speed and fingering against what was played."""
+"""Keystrokes of simulated pianists: contact, speed and fingering compared with the truth."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from shukotsu.simulate.simulation import simulate
 WRITTEN_TO = "benchmarks.md", "keystrokes"
 FIRST_SEED = 9900
 TEMPI = {"slow": 0.5, "medium": 0.3, "fast": 0.18}
-"""Seconds from a keystroke to the next."""
+"""Seconds between keystrokes, by tempo."""
 
 DURATION_S, CALIBRATION_S, ONSET_SD_S, GOES_ALONG = 24.0, 25.0, 0.001, 0.2
 Strokes = Mapping[str, Sequence[Struck]]
-"""By tempo."""
+"""Keystrokes by tempo."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the benchmark."""
-    parser.add_argument("--people", type=int, default=6, help="who play (6)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first ({FIRST_SEED})")
+    parser.add_argument("--people", type=int, default=6, help="number of pianists (6)")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"seed of the first ({FIRST_SEED})")
 
 
 def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
-    """Return the table over that many people."""
+    """Yield the table over that many people."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         truth = write_study(folder, people, seed)
@@ -52,14 +52,14 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
             "< 4 ms %:.1f", "held:.1f", "speed %:+.1f", "rms:.1f", "held:.1f",
         ),
         [_row(tempo, strokes[strokes["task"] == tempo], truth) for tempo in TEMPI],
-        f"{people} people, {DURATION_S:.0f} s at every tempo; no event names a digit. Digit: found, of all "
-        "strokes, and of those used. Contact: error of key_down_s, mean and standard deviation. Speed: error "
-        "at contact, mean and root mean square (rms). Held: % of errors within 1.96 of the stated sd.",
+        f"{people} people, {DURATION_S:.0f} s at every tempo; no event names a digit. Digit: strokes with "
+        "the right digit, of all and of those used. Contact: error of key_down_s, mean and standard "
+        "deviation. Speed: error at contact, mean and rms. Held: % of errors within 1.96 stated sd.",
     )  # fmt: skip
 
 
 def write_study(folder: Path, people: int, seed: int) -> dict[str, Strokes]:
-    """Write recordings, sheets and study file; give what was struck, by subject."""
+    """Write recordings, sheets and study file; return the true keystrokes by subject."""
     subjects = [f"{number:02}" for number in range(people)]
     with workers() as pool:
         played = pool.map(partial(_record_person, folder, seed), range(people))
@@ -89,7 +89,7 @@ def _side(number: int) -> str:
 
 
 def _record_person(folder: Path, seed: int, number: int) -> Strokes:
-    """Record one person: the calibration, and the three tempi."""
+    """Record one person's calibration and the three tempi; return the true keystrokes."""
     side, person = _side(number), seed + number
     calibration = simulate("01", side, "rom", person, Realism(), round(240 * CALIBRATION_S))
     write_recording(folder / f"{number:02}_rom.parquet", calibration)
@@ -102,7 +102,7 @@ def _record_person(folder: Path, seed: int, number: int) -> Strokes:
 
 
 def _row(tempo: str, strokes: pd.DataFrame, truth: Mapping[str, Strokes]) -> tuple[Cell, ...]:
-    """Hold all strokes of one tempo against the truth."""
+    """Compare all strokes of one tempo with the truth."""
     pairs: list[tuple[Any, Struck]] = []
     for subject, struck in truth.items():
         rows = strokes[strokes["subject"] == subject].sort_values("onset_s").itertuples()

@@ -1,7 +1,7 @@
-"""A warm process that writes down what each job took: in starting, reading and writing, and arithmetic.
+"""A warm process that records the processor time of each job: start, reading and writing, and arithmetic.
 
-A sample of the stack is taken every few ms of processor time, and the time since the last one counts for what
-is found there.
+The stack is sampled every few ms of processor time, and the time since the last sample is attributed to the
+kind of work found there.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _WHERE = {
     "/shukotsu/tracker/": FILES,
     "/readers/formats/": FILES,
 }
-"""What is done in a call, by a part of its file's path."""
+"""Kind of work, by a part of the path of the function's file."""
 _EVERY_S = 0.003
 
 
@@ -44,7 +44,7 @@ def _kind(frame: FrameType | None) -> str:
 
 
 def _measure(file: Path) -> None:
-    """Have every job append a line to the file: its script, arguments, and processor seconds by kind."""
+    """Make every job append a line to the file: its stage, arguments, and processor seconds by kind."""
     run_script = command_line.run_script
 
     def measured(path: str | Path, argv: Sequence[str]) -> int:
@@ -69,7 +69,7 @@ def _measure(file: Path) -> None:
 
 @contextmanager
 def measured_jobs(jobs: list[dict[str, Any]]) -> Iterator[str]:
-    """Start the process and yield its address; what the jobs took is in the list when it has ended."""
+    """Start the process and yield its address; when it has ended, append the measurements to `jobs`."""
     with tempfile.TemporaryDirectory() as name, socket.socket(socket.AF_UNIX) as listener:
         file, address = Path(name, "jobs.jsonl"), str(Path(name, "jobs"))
         listener.bind(address)

@@ -1,4 +1,4 @@
-"""Mistakes planted in simulated hands: how often each is detected, and false alarms on hands without one."""
+"""Mistakes planted in simulated hands: how often each is named, and false alarms on hands without one."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ Alarm = tuple[str, str, tuple[str, ...]]
 
 
 Person = tuple[list[Alarm], list[Tally], list[Tally]]
-"""Per person: false alarms, tallies of one mistake and of two at once."""
+"""Results of one person: false alarms, tallies of single mistakes and of two mistakes at once."""
 
 Mistake = Callable[[Planted, np.random.Generator], Planted]
 
 
 def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
-    """Return the tables over that many people."""
+    """Yield the tables over n_hands people."""
     alarms, single, pairs = (
         [row for rows in part for row in rows]
         for part in zip(*of_each_person(one_person, n_hands, seed), strict=True)
     )
-    once = f"{n_hands} people; every mistake once each, what it concerns drawn at random."
-    both = "First: one of the two is named first. All: both are named."
+    once = f"{n_hands} people; every mistake once per person, with the affected receivers drawn at random."
+    both = "First: one of the two is named first. At all: both are named."
     yield _table("One mistake", single, once)
     yield _table("Two mistakes at once", pairs, both)
     yield _alarm_table(alarms)
 
 
 def one_person(seed: int) -> Person:
-    """Check a person's recordings without a mistake and with one or two."""
+    """Check a person's recordings without a mistake, with one, and with two."""
     rng = np.random.default_rng(seed)
     hand = ("right", "left")[seed // 2 % 2]
     alarms = [
@@ -91,13 +91,14 @@ def _pair(plain: Planted, rng: np.random.Generator) -> tuple[str, bool, bool]:
 
 
 EQUIVALENT = frozenset({"wrong-hand", "axes-mirrored", "receiver-turned", "hemisphere"})
-"""Kinds two of which may come to a third: positions negated of the other hand are all receivers turned."""
+"""Kinds of which two together may be equivalent to a third: negated positions of the other hand look like all
+receivers turned."""
 
 
 def _several(
     seed: int, hand: str, record: Callable[[int, str, str], Planted]
 ) -> list[tuple[str, bool, bool]]:
-    """Mistakes that show in a subject's recordings together: of three, the last is wrong."""
+    """Plant mistakes that only several recordings together show: the last of three is wrong."""
     rows = []
     recordings = [(task, hand, _check(record(seed, hand, task))) for task in ("rom", "opposition")]
     for kind, last in (
@@ -181,7 +182,7 @@ def _reversal_pairs(_: np.random.Generator) -> list[tuple[str, str]]:
 
 
 def _turn_receiver(degrees: float) -> Mistake:
-    """A receiver turned about an axis of its; not that over the thumb's metacarpal, which may face anyhow."""
+    """Turn a receiver about one of its axes; not the thumb metacarpal's, which may face in any direction."""
 
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
         quaternion = planted.poses.quaternion.copy()
@@ -258,7 +259,7 @@ def _angles_misread(planted: Planted, rng: np.random.Generator) -> Planted:
 
 
 def _angle_unit(unit: str) -> Mistake:
-    """Read angles of the other unit as this one."""
+    """Declare this unit for angles that are in the other one."""
 
     def plant(planted: Planted, _: np.random.Generator) -> Planted:
         convert = np.radians if unit == "deg" else np.degrees
@@ -270,7 +271,7 @@ def _angle_unit(unit: str) -> Mistake:
 
 
 def _angles(quaternion: Array, axes: str) -> Array:
-    """Angles (..., 3) in rad about moving axes."""
+    """Return intrinsic Euler angles (..., 3), rad."""
     turn = Rotation.from_matrix(matrix(quaternion).reshape(-1, 3, 3))
     return np.asarray(turn.as_euler(axes).reshape(*quaternion.shape[:-1], 3))
 
@@ -316,7 +317,7 @@ MISTAKES: Mapping[str, tuple[str, Mistake]] = {
     "all receivers": ("receiver-turned", _all_turned),
     "2 to 39 frames": ("too-short", _cut),
 }
-"""Planted mistakes by name: the kind of its finding, and the function that plants it."""
+"""Planted mistakes by name, with the kind of the expected finding and the function that plants it."""
 
 
 def _table(title: str, tallies: Sequence[Tally], meaning: str) -> PrintedTable:
@@ -343,7 +344,7 @@ def _alarm_table(alarms: Sequence[Alarm]) -> PrintedTable:
         counts = sorted(Counter(kind for kinds in of_hands for kind in kinds).items())
         named = ", ".join(f"{kind} {count}" for kind, count in counts)
         rows.append((drawing, name, len(of_hands), sum(map(bool, of_hands)), named))
-    columns = ("drawing", "hand", "recordings:d", "accused:d", "kinds")
+    columns = ("drawing", "hand", "recordings:d", "suspect:d", "kinds")
     share = 1000 * float(np.mean([bool(kinds) for _, _, kinds in alarms]))
-    meaning = f"Of 1000 recordings of hands without a fault {share:.1f} are called suspect."
+    meaning = f"Of 1000 recordings without a mistake, {share:.1f} are reported as suspect."
     return PrintedTable("False alarms", columns, rows, meaning)

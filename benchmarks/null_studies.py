@@ -1,4 +1,4 @@
-"""Studies without and with a true difference: false positives and power."""
+"""Studies with and without a true difference: false positives and power."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ SEED = 7100
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--studies", type=int, default=STUDIES, help=f"studies a row ({STUDIES})")
+    parser.add_argument("--studies", type=int, default=STUDIES, help=f"studies per row ({STUDIES})")
 
 
 def run(studies: int = STUDIES) -> Iterator[PrintedTable]:
-    """Return the tables over that many studies a row."""
+    """Yield the tables over that many studies per row."""
     for make in (over_families, within_families):
         yield make(studies)
 
@@ -40,16 +40,16 @@ MIXTURES = {
     "lognormal, 1 : 3": ("lognormal", 1 / 3),
     "Student 3, 3 : 1": ("student", 3.0),
 }
-"""How numbers are distributed, and how many times as much the first group scatters."""
+"""Distribution of the numbers, and ratio of the first group's sd to the second's."""
 
 SHAPES = ("normal", "exponential", "lognormal", "student")
 
 SHIFT = 2.0
-"""Difference of one number of a family, in standard deviations: what power is of."""
+"""True difference of one number of a family, in standard deviations, for which power is stated."""
 
 
 def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Array:
-    """Numbers of mean 0 and standard deviation 1."""
+    """Draw numbers of mean 0 and standard deviation 1."""
     if shape == "exponential":
         return rng.exponential(size=size) - 1.0
     if shape == "student":
@@ -61,25 +61,25 @@ def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Arra
 
 
 def correlate_columns(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
-    """Return the numbers with columns correlated within a subject."""
+    """Draw numbers whose columns are correlated within a subject."""
     common, rest = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
     return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * rest)
 
 
 def any_shown(p: Sequence[float]) -> bool:
-    """Whether a family shows anything after Holm's correction."""
+    """Return whether any test of a family is significant after Holm's correction."""
     return min(corrected for corrected in holm(p) if corrected is not None) <= LEVEL
 
 
 def over_families(studies: int) -> PrintedTable:
-    """Two groups: studies in which nothing differs that show something in a family of numbers."""
+    """Return the table of two groups: false positives and power for families of numbers."""
     return PrintedTable(
-        f"Two groups, {studies} studies a number",
+        f"Two groups, {studies} studies per number",
         ("subjects", "family:d", *(f"{name}:.1f" for name in MIXTURES), "2 sd found:.1f"),
         over_cores(_family_of_groups, [(*sizes, k, studies) for sizes in SIZES for k in FAMILIES]),
-        "Percent of studies in which nothing differs and something is shown, by how numbers are distributed "
-        "(3 : 1, the first group scatters three times as much); columns of a family are independent. Found: "
-        "studies in which one number differs by 2 standard deviations (normal, equal spread) that show it.",
+        "Percent of studies without a true difference that find one, by distribution of the numbers (3 : 1: "
+        "the first group has three times the sd); numbers of a family are independent. Found: percent of "
+        "studies that find a true difference of 2 standard deviations in one number (normal, equal sd).",
     )
 
 
@@ -98,7 +98,7 @@ def _family_of_groups(n: int, m: int, columns: int, studies: int) -> tuple[Cell,
 def _shares(
     family: Callable[[Any, Array | float], list[float]], shapes: Sequence[Any], columns: int, studies: int
 ) -> list[Cell]:
-    """Percent of studies that show something: by shape, where nothing differs, and of the first, shifted."""
+    """Return the percent of studies with a false positive, by shape, then the power for the first shape."""
     shares: list[Cell] = [percent([any_shown(family(s, 0.0)) for _ in range(studies)]) for s in shapes]
     shift = SHIFT * (np.arange(columns) == 0)
     p = [holm(family(shapes[0], shift))[0] for _ in range(studies)]
@@ -106,12 +106,12 @@ def _shares(
 
 
 def within_families(studies: int) -> PrintedTable:
-    """Return the table of the same subjects twice: families of differences, independent and correlated."""
+    """Return the table of paired differences, in families that are independent or correlated."""
     families = [
         (n, k, r, studies) for n in (6, 8, 12, 20) for k, r in ((1, 0.0), (15, 0.0), (51, 0.0), (51, 0.5))
     ]
     return PrintedTable(
-        f"The same subjects twice, families, {studies} studies a number",
+        f"The same subjects twice, families, {studies} studies per number",
         (
             "subjects:d",
             "family:d",
@@ -120,8 +120,8 @@ def within_families(studies: int) -> PrintedTable:
             "2 sd found:.1f",
         ),
         over_cores(_family_of_differences, families),
-        "Percent of studies in which nothing differs and something is shown, by how differences are "
-        "distributed. Found: one number differs by 2 standard deviations of normal differences.",
+        "Percent of studies without a true difference that find one, by distribution of the differences. "
+        "Found: percent of studies that find a true difference of 2 standard deviations (normal).",
     )
 
 
@@ -137,7 +137,7 @@ def _family_of_differences(n: int, columns: int, shared: float, studies: int) ->
 def over_cores(
     row: Callable[..., tuple[Cell, ...]], asked: Sequence[tuple[object, ...]]
 ) -> list[tuple[Cell, ...]]:
-    """Compute the rows in two processes."""
+    """Compute rows in two processes; asked : arguments of `row` for each."""
     with workers() as pool:
         return list(pool.map(row, *zip(*asked, strict=True)))
 

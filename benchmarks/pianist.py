@@ -21,7 +21,7 @@ FIRST_PITCH, LIFTS_MM = 60, (4.0, 12.0)
 
 @dataclass(frozen=True)
 class Struck:
-    """A keystroke: the digit, when it reached the key's bottom and left it, the key, and how fast it came."""
+    """A keystroke: digit, times when it reached the key's bottom and left it, pitch, and contact speed."""
 
     digit: str
     contact_s: float
@@ -32,7 +32,7 @@ class Struck:
 
 @dataclass(frozen=True)
 class Played:
-    """A recording of somebody who plays, and what was struck."""
+    """A recording of playing, with the true keystrokes."""
 
     poses: Poses
     strokes: Sequence[Struck]
@@ -51,7 +51,7 @@ class _Touch:
 def play(
     seed: int, side: str, interval_s: float, duration_s: float, goes_along: float, session: str
 ) -> Played:
-    """Play one key after another. goes_along : what a neighbouring finger does of a finger's movement."""
+    """Play one key after another; goes_along : share of a finger's movement that its neighbours follow."""
     rng = np.random.default_rng([seed, round(1e3 * interval_s), sum(session.encode())])
     realism = Realism()
     hand = hand_of("01", side, seed, realism)
@@ -62,7 +62,7 @@ def play(
 
 
 class _Piece:
-    """The piece as a function of time."""
+    """A piece of music: posture of the hand as a function of time."""
 
     def __init__(
         self, hand: RandomHand, realism: Realism, rng: np.random.Generator, interval_s: float,
@@ -73,7 +73,7 @@ class _Piece:
         share = (
             goes_along * np.choose(np.minimum(apart, 3), [0, 1, 0.5, 0.25]) * rng.uniform(0.7, 1.3, (5, 5))
         )
-        share[0], share[:, 0] = 0.3 * share[0], 0.3 * share[:, 0]  # the thumb is its own
+        share[0], share[:, 0] = 0.3 * share[0], 0.3 * share[:, 0]  # the thumb is more independent
         self.share = share
         count = int((duration_s - 2.0) / interval_s)
         at_s = 1.2 + interval_s * (np.arange(count) + rng.normal(0, 0.04, count))
@@ -89,7 +89,7 @@ class _Piece:
         ]  # fmt: skip
 
     def played(self, motion: TaskMotion) -> TaskMotion:
-        """Replace the motion of a task by playing, starting from the same pose of the arm."""
+        """Replace the motion of a task by playing that starts with the same pose of the arm."""
         time_s = np.arange(len(motion.wrist_mm)) / RATE_HZ
         shifts = np.cumsum(self.rng.choice([-1, 0, 1], 1 + int(time_s[-1] // 4)) * KEY_MM)
         distal = rotate(motion.forearm[0], np.array([1.0, 0.0, 0.0])) * np.array([1.0, 1.0, 0.0])
@@ -111,7 +111,7 @@ class _Piece:
         )
 
     def _set_up(self) -> None:
-        """Find how far each digit bends at rest above its key, and which of its joints strike."""
+        """Find the bend of each digit at rest above its key, and the joints by which it strikes."""
         home = rest_posture() + sum(
             posture(**{f"{d}_mcp": 12.0, f"{d}_pip": 18.0, f"{d}_dip": 6.0}) for d in DIGITS[1:]
         )
@@ -137,19 +137,19 @@ class _Piece:
         self._aim()
 
     def _aim(self) -> None:
-        """Find how far each finger goes sideways to come down near the middle of its key."""
+        """Find the sideways angle at which each finger strikes near the middle of its key."""
         self._sways_deg = np.zeros(len(self.touches))
         at_s = np.array([touch.contact_s for touch in self.touches])
         bends = self._bends(at_s)
         lateral = self._lateral_mm(bends, at_s)
         for i, touch in enumerate(self.touches):
-            if touch.digit:  # the thumb strikes where it is
+            if touch.digit:  # the thumb does not move sideways
                 more = bends[i : i + 1] + np.eye(10)[5 + touch.digit]
                 gain = self._lateral_mm(more, at_s[i : i + 1])[0, touch.digit] - lateral[i, touch.digit]
                 off_mm = lateral[i, touch.digit] % KEY_MM - KEY_MM / 2 + self.rng.normal(0, 3.0)
                 self._sways_deg[i] = np.clip(-off_mm / gain, -6.0, 6.0)
         touching = np.arange(len(self.touches)), [touch.digit for touch in self.touches]
-        for _ in range(4):  # all come down to one level, wherever the hand is
+        for _ in range(4):  # all digits must reach the same level, wherever the hand is
             bends = self._bends(at_s)
             low = self._tips(bends, at_s)[touching][:, 2]
             bends[touching] += 0.1
@@ -160,7 +160,7 @@ class _Piece:
         return np.asarray((self._tips(bends, time_s) - self._wrist0) @ self._lateral)
 
     def _angles(self, bends: Array) -> Array:
-        """Joint angles (T, J, 3) from how far each digit bends, (T, 5)."""
+        """Compute joint angles (T, J, 3) from the bends (T, 5), or bends and sideways angles (T, 10)."""
         postures = self._home + np.einsum("td,djk->tjk", bends, self._stroke[: bends.shape[1]])
         voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
         return coupled_angles(voluntary, self.hand, self.realism)
@@ -176,7 +176,7 @@ class _Piece:
         return self._tips(bends, np.zeros(len(bends)))[..., 2]
 
     def _bends_at(self, height_mm: float) -> Array:
-        """Bend (5,) of each digit at which its tip has a height."""
+        """Find the bend (5,) of each digit at which its tip has this height."""
         bends = np.zeros(5)
         for _ in range(12):
             low, high = self._heights(np.stack([bends, bends + 0.1]))
@@ -184,7 +184,7 @@ class _Piece:
         return bends
 
     def _bends(self, time_s: Array) -> Array:
-        """How far every digit bends and goes sideways, (T, 10): by its own strokes, and along with others."""
+        """Return bends and sideways angles (T, 10), by a digit's own strokes and those of its neighbours."""
         strokes_rad, sways_deg = np.zeros((len(time_s), 5)), np.zeros((len(time_s), 5))
         for touch, deep, sway_deg in zip(self.touches, self._deep, self._sways_deg, strict=True):
             d, t = touch.digit, time_s - touch.contact_s
@@ -203,14 +203,14 @@ class _Piece:
         return np.concatenate([self._rest + strokes_rad + strokes_rad @ self.share.T, sways_deg], -1)
 
     def strokes(self, starts_s: float) -> list[Struck]:
-        """What was struck, in the recording's time, of which motion begins at `starts_s`."""
+        """Return the keystrokes in the recording's time, in which motion begins at `starts_s`."""
         struck = []
         for touch in self.touches:
             times = touch.contact_s + np.array([-1.1e-3, -1e-4])
             tips = self._tips(self._bends(times), times)[:, touch.digit]
             speed = float(np.linalg.norm(np.diff(tips, axis=0)) / 1e-3)
             white = int(np.floor((tips[1] - self._wrist0) @ self._lateral / KEY_MM))
-            # the lateral axis points to the thumb of a right hand, where lower keys are
+            # the lateral axis points to the side of a right hand's thumb, where keys are lower
             white = -white if self.hand.side == "right" else white
             octave, step = divmod(white, 7)
             pitch = FIRST_PITCH + 12 * octave + (0, 2, 4, 5, 7, 9, 11)[step]

@@ -1,4 +1,4 @@
-"""People unlike the fit's: drawn round a source that the prior is made without, in skins of other laws."""
+"""People who differ from the prior: drawn around a source that is left out of it, with other laws of skin."""
 
 from __future__ import annotations
 
@@ -46,18 +46,19 @@ CONSTANTS_WITHOUT: Mapping[str, Mapping[str, float]] = {
     "chang": {"SKEW_MM": 0.0, "SKEW_DEG": 90.0},
     "cadavers": {"PRO_SUPINATION": 0.4, "HINGE_SLIDE_SD_MM": 0.1},
 }
-"""What stands in a prior without those: thumb axes that meet, as MyoHand's do; metacarpals that turn half as
-far as they flex less, and hinges that hardly glide."""
+"""Values of the prior without these sources: thumb axes that meet, as in MyoHand; other pro-supination of
+metacarpals, and hinges that hardly glide."""
 
 RIG = "a rig"
 LEFT_OUT = (*drawn_hands.SOURCES, *CONSTANTS_WITHOUT, RIG, SHIPPED)
 
 MYOHAND_HEIGHT_MM = 5.4
-"""Back of metacarpals and proximal phalanges over the line of joints in the one hand beside the CT sets."""
+"""Height of the back of metacarpals and proximal phalanges above the line of joints in the only hand besides
+the CT sets."""
 
 
 def prior_without(source: str) -> Mapping[str, DigitAnatomy]:
-    """Average digits made of all sources but one; what no other source has stays as it ships."""
+    """Return average digits from all sources except one; values that only this source has are kept."""
     if source not in drawn_hands.SOURCES:
         return DIGITS
     rest = {name: hand for name, hand in drawn_hands.SOURCES.items() if name != source}
@@ -66,7 +67,7 @@ def prior_without(source: str) -> Mapping[str, DigitAnatomy]:
     )
     lengths = drawn_hands.blend_hands(list(rest.values()), shares / shares.sum())
     digits = dict(DIGITS)
-    if source == "ct":  # from which the X-ray's hand has all but its lengths
+    if source == "ct":  # the X-ray hand has everything except its lengths from this source
         others = drawn_hands.blend_hands([drawn_hands.BUCHHOLZ, drawn_hands.MYOHAND], [0.5, 0.5])
         digits = {name: _as_anatomy(others[name], digit) for name, digit in DIGITS.items()}
     elif source == "myohand":
@@ -88,7 +89,7 @@ def _as_anatomy(digit: drawn_hands.DrawnDigit, like: DigitAnatomy) -> DigitAnato
 
 
 def _in_line(name: str) -> DigitAnatomy:
-    """A finger that goes on as its metacarpal does, its hinges along the row of Buchholz' knuckles."""
+    """Return a finger in line with its metacarpal, with hinges along the row of Buchholz' knuckles."""
     row = [drawn_hands.BUCHHOLZ[finger] for finger in drawn.ROLL_DEG]
     knuckles = [finger.base_mm + finger.lengths_mm[0] * finger.directions[0] for finger in row]
     at = list(drawn.ROLL_DEG).index(name)
@@ -102,7 +103,7 @@ def _in_line(name: str) -> DigitAnatomy:
 
 
 def _rigged(name: str, digit: drawn_hands.DrawnDigit) -> drawn_hands.DrawnDigit:
-    """A digit as who rigs a mesh draws it: palm broad and begun far back, plain hinges, fingers in line."""
+    """Return a digit as drawn for rigging a mesh: palm broad and long, plain hinges, straight fingers."""
     if name == "thumb":
         return replace(
             digit,
@@ -132,12 +133,12 @@ LATE_S = 0.4
 def _follow(
     law: str, angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Slide, mm, and turn, rad, (T, S, 3), as `simulate.mounts.saturating`, by another law of skin."""
+    """Return slide, mm, and turn, rad, (T, S, 3) by another law of skin than `simulate.mounts.saturating`."""
     loose = (skin.looseness[:, None] * skin.present)[..., None]
     slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose
     tilt = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.TILT_SD * loose
     drive = angles_rad[..., FLEXION]
-    if law == MESH:  # which has moved them already (`ride_on_mesh`)
+    if law == MESH:  # the receivers were already moved by `ride_on_mesh`
         slide, tilt = np.zeros_like(slide), np.zeros_like(tilt)
     elif law == "one joint":
         slide[:, 1], tilt[:, 1] = 0.0, 0.0
@@ -151,16 +152,17 @@ def _follow(
 
 
 BLEND_MM = (4.5, 8.0)
-"""Least and largest way from a joint over which weights of the mesh fall by e, so that receivers slide."""
+"""Least and largest distance from a joint over which weights of the mesh decrease by a factor e."""
 
 HOUSING_MM = (2.0, 4.0)
-"""By how much the tracked point is higher over the skin than that of the simulator's receivers: 4 to 6 mm."""
+"""Least and largest additional height of the tracked point above the skin, compared with the simulator's
+receivers."""
 
 RIDGE_MM = {"thumb": 2.0, "index": 2.5, "middle": 1.0, "ring": -1.5, "little": -2.5}
-"""How far radially of the line of joints the mesh has the middle of its digits' backs, alike in all hands."""
+"""Radial offset of the middle of a digit's back from the line of joints in the mesh, equal in all hands."""
 
 ROUND_DEG = 7.0
-"""Sd of where on the round back of its digit a receiver is put."""
+"""Sd of a receiver's angular position on the round back of its digit."""
 
 HALF_BASE_MM = 3.0
 
@@ -174,10 +176,11 @@ def ride_on_mesh(
     bones: tuple[Array, Array],
     *__: Skin,
 ) -> tuple[Array, Array]:
-    """Poses (T, S, 3), (T, S, 4) of receivers on tubes round the digits, moved by linear-blend weights.
+    """Return poses (T, S, 3), (T, S, 4) of receivers on tubes around the digits, moved by linear-blend
+    weights.
 
-    A vertex follows its own bone and both neighbours, whose weights fall exponentially with the distance from
-    the joint between, where both have a half; a receiver's base lies on three of them.
+    A vertex follows its bone and both neighbours, whose weights are a half at the joint between them and
+    decrease exponentially with the distance from it. A receiver's base is on five vertices.
     """
     rng = generator(seed, "mesh", hand.side)
     blend_mm, higher_mm = rng.uniform(*BLEND_MM), rng.uniform(*HOUSING_MM)
@@ -219,7 +222,7 @@ def _blended(
     bones: tuple[Array, Array],
     blend_mm: float,
 ) -> Array:
-    """Vertices (V, 3) in their bone's frame at rest, as the mesh carries them: (T, V, 3)."""
+    """Return positions (T, V, 3) to which the mesh carries vertices (V, 3) in their bone's frame at rest."""
     name = BONES[bone]
     chain = [b for b, other in enumerate(BONES) if other.startswith(f"{name.split('_')[0]}_")]
     at = chain.index(bone)
@@ -244,7 +247,7 @@ SKINS = (SATURATING, MESH, "one joint", "two joints", "lagging", STILL)
 
 @dataclass(frozen=True)
 class Fitted:
-    """A hand of a source in a skin, and how far off it was fitted."""
+    """Errors of the fit of a hand drawn around a source, with a law of skin."""
 
     source: str
     skin: str
@@ -253,7 +256,7 @@ class Fitted:
 
 
 def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
-    """Return the tables over that many hands of every source."""
+    """Yield the tables over n_hands hands of every source."""
     hands = of_each_person(partial(one_hand, seed), n_hands * len(LEFT_OUT), seed)
     left_out = [hand for hand in hands if hand.source not in (RIG, SHIPPED)]
     sources = {name: [hand for hand in hands if hand.source == name] for name in LEFT_OUT}
@@ -266,7 +269,7 @@ def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
 
 
 def one_hand(first_seed: int, seed: int) -> Fitted:
-    """Draw, record and fit a hand; sources and skins in turn, so that all of them meet."""
+    """Draw, record and fit a hand; sources and skins alternate, so that all are combined."""
     turn, at = divmod(seed - first_seed, len(LEFT_OUT))
     source = LEFT_OUT[at]
     skin = MESH if source == RIG else SKINS[(turn + at) % len(SKINS)]
@@ -277,7 +280,7 @@ def one_hand(first_seed: int, seed: int) -> Fitted:
 
 
 def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
-    """Record a person drawn round a source, or a blend of all where it is no whole hand, in a skin."""
+    """Record a person drawn around a source (a blend of all if it is no whole hand), with a law of skin."""
     anatomy = source if source in (*drawn_hands.SOURCES, RIG) else drawn_hands.BLEND
     realism = Realism(anatomy=anatomy, artefact=0.0 if skin == STILL else 1.0)
     with ExitStack() as stack:
@@ -291,7 +294,7 @@ def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
 
 
 def fit_without(source: str, person: Drawn) -> HandFit:
-    """Fit a hand with the prior that is made without a source."""
+    """Fit a hand with a prior without a source."""
     digits = prior_without(source)
     with ExitStack() as stack:
         stack.enter_context(mock.patch.dict(DIGITS, digits))
@@ -300,7 +303,7 @@ def fit_without(source: str, person: Drawn) -> HandFit:
 
 
 def _table(title: str, what: str, groups: Mapping[str, Sequence[Fitted]]) -> PrintedTable:
-    """Return errors and coverage of groups of hands."""
+    """Return the table of errors and coverage of groups of hands."""
     rows: list[tuple[Cell, ...]] = []
     for name, hands in groups.items():
         joints = [joint for hand in hands for joint in hand.joints]
@@ -318,16 +321,16 @@ def _table(title: str, what: str, groups: Mapping[str, Sequence[Fitted]]) -> Pri
         "mean sd mm:.2f", "believed %:.0f",
     )  # fmt: skip
     meaning = (
-        "People drawn round a source that the prior is made without; a rig: a skeleton as who rigs a mesh "
-        "draws it, and the prior as it ships. Centres in the child's receiver. In 95 %: centres in the "
-        "parent's and in the child's receiver, held against their covariance. Rms / sd: of the worse half "
-        "over its stated sd, root mean squares."
+        "People drawn around a source that is left out of the prior; a rig: a skeleton as drawn for rigging "
+        "a mesh, with the prior as shipped. Centres in the child's receiver. In 95 %: centres in the "
+        "parent's and in the child's receiver, compared with their covariance. Rms / sd: root mean square "
+        "error of the worse half over that of its stated sd."
     )
     return PrintedTable(title, columns, rows, meaning)
 
 
 def _parts_table(hands: Sequence[Fitted]) -> PrintedTable:
-    """Return coverage by kind of joint, and of lengths by digit and by bone."""
+    """Return the table of coverage by kind of joint, and of lengths by digit and by bone."""
     joints = [joint for hand in hands for joint in hand.joints]
     lengths = [length for hand in hands for length in hand.lengths]
     rows: list[tuple[Cell, ...]] = [
@@ -343,4 +346,4 @@ def _parts_table(hands: Sequence[Fitted]) -> PrintedTable:
         rows.append((name, float(np.median(mm)), float(np.percentile(mm, 90)), 100 * float(np.mean(inside))))
     columns = ("joints or lengths", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
     title = "prior without a source: by kind of joint, and lengths by digit and by bone"
-    return PrintedTable(title, columns, rows, "Of all sources that are left out.")
+    return PrintedTable(title, columns, rows, "Over all sources that are left out.")

@@ -1,4 +1,4 @@
-"""Whole hands of two simulators: errors, verdicts, and calibration of the stated sd."""
+"""Hands of two simulators: errors of the fit, verdicts, and calibration of the stated sd."""
 
 from __future__ import annotations
 
@@ -42,10 +42,22 @@ OWN, OTHER = "own", "other"
 
 @dataclass(frozen=True)
 class Drawn:
-    """A recorded calibration and what is true of it.
+    """A recorded calibration with its truth.
 
-    truth : joint to its centre (2, 3) in the parent's and the child's receiver, on average as these rode;
-    centre_mm : joint to its centre (T, 3) in the transmitter's frame; flexion_deg : joint to (T,).
+    Attributes
+    ----------
+    poses, hand : Poses, str
+        The recording, and right or left.
+    truth : mapping of str to array, shape (2, 3)
+        By joint: mean centre in the frames of the parent's and the child's receiver, as they move on the
+        skin, mm.
+    centre_mm : mapping of str to array, shape (T, 3)
+        By joint: centre in the transmitter's frame.
+    flexion_deg : mapping of str to array, shape (T,)
+        By joint: flexion.
+    lengths_mm : mapping of str to float
+        By bone: length.
+
     """
 
     poses: Poses
@@ -58,10 +70,25 @@ class Drawn:
 
 @dataclass(frozen=True)
 class JointErrors:
-    """One joint of one hand: off_mm (2, 3) of both halves, in the parent's and the child's receiver; inside :
-    (2,) whether the stated 95 % hold each; sd_mm : stated of the worse half; posed_mm : mean distance, frame
-    by frame, in the transmitter's frame; slope : of the fitted flexion over the true one; believed : whether
-    the report believes it.
+    """Errors of one joint of one hand.
+
+    Attributes
+    ----------
+    drawing, joint : str
+        Simulator and joint.
+    off_mm : array, shape (2, 3)
+        Error of the centre in the parent's and in the child's receiver.
+    inside : tuple of bool
+        Whether each of them is within the stated 95 %.
+    sd_mm : float
+        Stated sd of the worse half.
+    posed_mm : float
+        Mean error over frames of the posed centre in the transmitter's frame.
+    slope : float
+        Slope of the fitted flexion over the true one.
+    believed : bool
+        Whether the report believes the joint.
+
     """
 
     drawing: str
@@ -75,18 +102,18 @@ class JointErrors:
 
     @property
     def child_mm(self) -> float:
-        """Distance in the child's receiver frame."""
+        """Error in the child's receiver frame."""
         return float(np.linalg.norm(self.off_mm[1]))
 
     @property
     def worse_mm(self) -> float:
-        """Distance of the worse half."""
+        """Error of the worse half."""
         return float(np.linalg.norm(self.off_mm, axis=1).max())
 
 
 @dataclass(frozen=True)
 class LengthError:
-    """How far off a bone's length is; inside : whether the stated 95 % hold the true one."""
+    """Error of a bone's length; inside : whether it is within the stated 95 %."""
 
     drawing: str
     bone: str
@@ -96,7 +123,7 @@ class LengthError:
 
 
 def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
-    """Return the tables over that many hands of each drawing."""
+    """Yield the tables over n_hands hands of each simulator."""
     hands = [
         hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
     ]
@@ -107,7 +134,7 @@ def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
 
 
 def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[LengthError]]:
-    """Return the errors of a hand that is drawn, calibrated once and fitted."""
+    """Draw, record and fit a hand; return the errors of its joints and lengths."""
     drawn = DRAWINGS[drawing](seed, ("right", "left")[seed % 2])
     fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
     return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
@@ -118,7 +145,7 @@ def _simulator_drawing(seed: int, hand: str) -> Drawn:
 
 
 def simulated_hand(simulated: Simulated) -> Drawn:
-    """Return what is true of a recording of this project's simulator."""
+    """Convert a recording of this project's simulator."""
     truth = simulated.truth
     return Drawn(
         simulated.poses(),
@@ -147,7 +174,7 @@ DRAWINGS = {OWN: _simulator_drawing, OTHER: _other}
 
 
 def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
-    """Hold the joints of a fit against the truth."""
+    """Compare the joints of a fit with the truth."""
     step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
     rows = np.arange(0, len(drawn.poses.frame), step)
     posed = pose_hand(fit, drawn.poses.take(rows))
@@ -174,7 +201,7 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
 
 
 def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[LengthError]:
-    """Hold the lengths of a fit against the truth, those of last bones aside, which end in soft tissue."""
+    """Compare the lengths of a fit with the truth, except last bones, which end in soft tissue."""
     for name, bone in fit.bones.items():
         if not name.endswith("_distal"):
             off_mm = bone.length_mm - drawn.lengths_mm[name]
@@ -183,13 +210,13 @@ def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[LengthEr
 
 
 def centre_numbers(joints: Sequence[JointErrors]) -> tuple[float, float, float]:
-    """Return median and 90th percentile in the child's receiver, mm, and percent in the stated 95 %."""
+    """Return median and 90th percentile in the child's receiver, mm, and percent within the stated 95 %."""
     mm = [error.child_mm for error in joints]
     return float(np.median(mm)), float(np.percentile(mm, 90)), inside_percent(joints)
 
 
 def inside_percent(joints: Sequence[JointErrors]) -> float:
-    """Percent of halves of centres that the stated 95 % hold."""
+    """Return the percent of halves of centres whose error is within the stated 95 %."""
     return 100 * float(np.mean([inside for joint in joints for inside in joint.inside]))
 
 
@@ -199,7 +226,7 @@ def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
 
 
 def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) -> PrintedTable:
-    """Return errors of centres, lengths and angles by drawing."""
+    """Return the table of errors of centres, lengths and angles by simulator."""
     rows = []
     for name, of_drawing in _by_drawing(joints).items():
         posed = [error.posed_mm for error in of_drawing]
@@ -232,17 +259,17 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) 
         "lengths in 95 %:.0f", "DIP flexion %:+.1f", "believed %:.0f", "worst mm:.1f", "in 95 %:.1f",
     )  # fmt: skip
     meaning = (
-        "Centres where they were on average, in the child's receiver as it rode; in 95 %: centres in "
-        "the parent's and in the child's receiver, held against their covariance. Posed: the posed hand's "
-        "centres in the transmitter's frame, mean over frames, where the field is off as well. Own: this "
-        "project's simulator; other: a drawing that shares nothing with it. Believed: what the report "
-        "believes, and the worst of its worse halves."
+        "Mean centres in the frame of the child's receiver, which moves on the skin; in 95 %: centres in the "
+        "parent's and in the child's receiver, compared with their covariance. Posed: error of the posed "
+        "hand's centres in the transmitter's frame, mean over frames, with errors of the field. Own: this "
+        "project's simulator; other: an independent one. Believed: centres that the report believes, and the "
+        "largest error of their worse halves."
     )
     return PrintedTable("two drawings: errors", columns, rows, meaning)
 
 
 def kinds_table(joints: Sequence[JointErrors]) -> PrintedTable:
-    """Return errors and coverage by kind of joint."""
+    """Return the table of errors and coverage by kind of joint."""
     kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
     rows = []
     for name, of_drawing in _by_drawing(joints).items():

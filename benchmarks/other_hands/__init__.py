@@ -1,6 +1,7 @@
-"""An independent simulator of hands, on which checks and solvers developed on the other are evaluated.
+"""An independent simulator of hands, for evaluating checks and solvers that were developed with the other
+one.
 
-It is written from the published anatomy and the layouts' descriptions alone and shares only the format of
+It is based only on published anatomy and on the descriptions of layouts, and shares nothing but the format of
 poses with the project's simulator.
 """
 

@@ -1,6 +1,6 @@
 """Motion of the hand: all joint angles, in degrees from the flat hand, and the pose of the arm.
 
-A sequence of postures is drawn first and then interpolated by straight lines with rounded corners.
+A sequence of postures is drawn, which is then interpolated linearly and smoothed.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from benchmarks.other_hands.person import FINGERS, Person
 from shukotsu.arrays import Array
 
 Motion = tuple[Array, Array]
-"""Where a bone is carried: turnings (T, 3, 3) and shifts (T, 3), to be applied to places on the table."""
+"""Motion of a bone: rotations (T, 3, 3) and shifts (T, 3), which are applied to points on the table."""
 
 Posture = dict[str, float]
 Score = list[tuple[Posture, float]]
-"""Postures, and the seconds it takes to come to each from the one before."""
+"""Postures, with the seconds from the previous one to each."""
 
 
 def _all(joint: str, deg: float) -> Posture:
@@ -26,7 +26,7 @@ def _all(joint: str, deg: float) -> Posture:
 
 
 class _Player:
-    """A person performing a task, with an individual range, rest posture and flat posture."""
+    """A person who performs a task, with an individual range, resting posture and flat posture."""
 
     def __init__(self, person: Person, rng: np.random.Generator) -> None:
         self.person, self.rng, self.habits = person, rng, person.habits
@@ -49,7 +49,7 @@ class _Player:
             self.flat[f"{finger}_mcp.sway"] = way * rng.uniform(0, 5)
 
     def bent(self, mcp: float, pip: float, fingers: Sequence[str] = FINGERS, dip: float = np.nan) -> Posture:
-        """Fingers bent at the knuckles and the middle joints; the tips follow these unless told."""
+        """Return a posture with fingers bent at MCP and PIP joints; DIP joints follow unless `dip` is set."""
         share = self.habits["tip_share"]
         posture: Posture = {}
         for finger in fingers:
@@ -60,7 +60,7 @@ class _Player:
         return posture
 
     def to_and_fro(self, there: Posture, back: Posture, times: int, seconds: float = 2.0) -> Score:
-        """Bend and come back, more or less as far and as fast each time."""
+        """Move to one posture and back several times, with varying range and pace."""
         score: Score = []
         for _ in range(times):
             pace, amount = self.rng.uniform(0.7, 1.4), self.rng.uniform(0.9, 1.05)
@@ -130,7 +130,7 @@ def _circles(player: _Player, times: int) -> Score:
 
 
 def _opposition(player: _Player, times: int) -> Score:
-    """The thumb's pad towards each finger's in turn."""
+    """Bring the thumb's pad to each finger's in turn."""
     score: Score = []
     before = {"cmc.bend": 14.0, "cmc.sway": 30.0, "mcp.bend": 20.0, "ip.bend": 25.0}
     for _ in range(times):
@@ -147,7 +147,7 @@ def _opposition(player: _Player, times: int) -> Score:
 
 
 def _grip(player: _Player, seconds: float) -> Score:
-    """Reach for objects of several sizes, close round them, hold, let go."""
+    """Reach for objects of several sizes, close the hand around them, hold them and let go."""
     score: Score = [(player.rest, 1.0)]
     while sum(took for _, took in score) < seconds:
         width = player.rng.uniform(0, 1)  # a pencil to a jar
@@ -164,7 +164,7 @@ def _grip(player: _Player, seconds: float) -> Score:
 
 
 def _keys(player: _Player, seconds: float, *, deep: float, pace_s: float, spread: float) -> Score:
-    """Struck keys: one finger after another goes down from a bent hand."""
+    """Strike keys with one finger after another from a bent hand."""
     home = player.bent(28, 38) | {"thumb_cmc.sway": 8.0, "thumb_mcp.bend": 10.0, "wrist.bend": -14.0}
     score: Score = [(home, 1.0)]
     while sum(took for _, took in score) < seconds:
@@ -222,8 +222,10 @@ def move_joints(
 def move_arm(
     task: str, stands: Rotation, rng: np.random.Generator, time_s: Array
 ) -> tuple[Array, Rotation, Array]:
-    """Return the palm's place, (T, 3) mm from the transmitter, its rotation to it, and how much of the
-    hand's weight lies on the table, (T,) 0 to 1. `stands` turns the table to the transmitter.
+    """Draw the motion of the arm.
+
+    Return the palm's position (T, 3), mm, and rotation in the transmitter's frame, and the share (T,) of the
+    hand's weight that rests on the table. stands : rotation from the table to the transmitter.
     """
     roams_mm, tilts_deg, every_s = {
         "calibration": (45.0, 22.0, 5.0),
@@ -248,7 +250,7 @@ def move_arm(
 
 
 def round_corners(track: Array, time_s: Array, width_s: float) -> Array:
-    """Return tracks (T,) or (T, K) with their corners rounded off over a time."""
+    """Smooth tracks (T,) or (T, K) over a time."""
     half = max(1, round(width_s / (time_s[1] - time_s[0]) / 2))
     weights = np.hanning(2 * half + 3)[1:-1]
     columns = track.reshape(len(track), -1)
@@ -258,14 +260,14 @@ def round_corners(track: Array, time_s: Array, width_s: float) -> Array:
 
 
 def wander(rng: np.random.Generator, time_s: Array, count: int, periods_s: tuple[float, float]) -> Array:
-    """Return (T, count) slow random motion of sd 1, the same at every rate of frames."""
+    """Draw slow random motion (T, count) of sd 1 that does not depend on the frame rate."""
     turns = 2 * np.pi / rng.uniform(*periods_s, (8, 1, count))
     phases = rng.uniform(0, 2 * np.pi, (8, 1, count))
     return np.asarray(np.sin(turns * time_s[:, None] + phases).sum(axis=0) / 2)
 
 
 def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motion], dict[str, Array]]:
-    """Return each bone's motion, the forearm lying still, and each joint's centre (T, 3)."""
+    """Return each bone's motion with a fixed forearm, and each joint's centre (T, 3)."""
     n_frames = len(next(iter(angles_deg.values())))
     bones = {"forearm": (np.broadcast_to(np.eye(3), (n_frames, 3, 3)), np.zeros((n_frames, 3)))}
     centres = {}
@@ -273,7 +275,7 @@ def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motio
         angles, outer = np.deg2rad(angles_deg[joint.name]), bones[joint.parent]
         shift = np.column_stack([np.sin(angles[:, 0]), 1 - np.cos(angles[:, 0])]) @ joint.glide_mm.T
         turning, centre = np.broadcast_to(np.eye(3), (n_frames, 3, 3)), np.zeros_like(shift)
-        for point, axes in joint.turns:  # the centre is the middle between the lines about which it turns
+        for point, axes in joint.turns:  # the centre is the mean of the points about which it turns
             here = turning @ point + shift
             turning = turning @ Rotation.from_rotvec(angles @ axes.T).as_matrix()
             shift = here - turning @ point
@@ -284,19 +286,19 @@ def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motio
 
 
 def move_points(motion: Motion, point: Array) -> Array:
-    """Return places (3,) or (T, 3) of the table where a motion takes them, (T, 3)."""
+    """Return the positions (T, 3) to which a motion moves points (3,) or (T, 3) of the table."""
     return np.asarray((motion[0] @ point[..., None])[..., 0] + motion[1])
 
 
 def touching(person: Person, posture: dict[str, float], finger: str) -> dict[str, float]:
-    """Return the posture with the thumb's pad laid on a finger's, by the least change that does it."""
+    """Change a posture as little as possible so that the thumb's pad touches a finger's."""
     free = [f"thumb_{name}" for name in ("cmc.bend", "cmc.sway", "mcp.bend", "ip.bend")]
     free += [f"{finger}_{name}" for name in ("mcp.bend", "mcp.sway", "pip.bend", "dip.bend")]
     start = np.array([posture.get(name, 0.0) for name in free])
     easy = np.array([4.0 if name.endswith("mcp.sway") else 8.0 for name in free])
 
     def misses(values: Array) -> Array:
-        """Pads apart, mm; how far they are from facing each other; what the change costs, as mm."""
+        """Return residuals: offset of the pads, mm; deviation from facing each other; weighted change."""
         whole = posture | dict(zip(free, values.T, strict=True))
         zero = np.zeros(len(values))
         angles = {

@@ -1,7 +1,7 @@
-"""A person's hand as points and lines, lying flat on a table and seen from above.
+"""A person's hand as points and lines, flat on a table and seen from above.
 
-Everything is defined once, in the table's axes (east, north, up; mm; a right hand, fingers to the north, so
-the thumb points west), and from there only carried about. No bone has a frame of its own.
+Everything is defined once, in the table's axes (east, north, up; mm; a right hand with fingers to the north,
+so that the thumb points west), and is then moved from there. Bones have no frames.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FINGERS = ("index", "middle", "ring", "little")
 _PHALANGES = ("proximal", "middle", "distal")
 SKIN_SHARE = {"thin": 0.6, "usual": 1.0, "thick": 1.45}
 
-# Right hand, (distal, radial, dorsal) of the capitate's head; mm: base of the metacarpal, its head.
+# Base and head of the metacarpals of a right hand, mm (distal, radial, dorsal) from the capitate's head.
 _BASE = {
     "thumb": (15.4, 20.8, -9.4),
     "index": (15.2, 10.2, 1.5),
@@ -43,9 +43,9 @@ _LENGTHS = {  # metacarpal, phalanges from the knuckle outward, soft tip; mm
     "ring": (52.0, 44.7, 28.2, 21.1, 4.0),
     "little": (48.0, 36.3, 20.4, 19.1, 3.7),
 }
-# How a finger lies and bends, deg: fanned out, and its nail turned, towards the thumb; obliquity of the PIP
-# and DIP axes (+: the end at the thumb's side lies distally); twist of the DIP axis; lean of the tip towards
-# the thumb; and by how much its metacarpal rolls for each degree that it bends.
+# Direction and axes of a finger, deg: fan angle and roll of the nail towards the thumb; obliquity of the PIP
+# and DIP axes (+: the end at the thumb's side is distal); twist of the DIP axis; lean of the tip towards the
+# thumb; and roll of the metacarpal per degree of its flexion.
 _FINGER = {
     "index": (5.0, 2.0, -5.0, -1.3, 11.0, -3.2, 0.0),
     "middle": (0.0, 0.0, -2.1, -0.8, 8.0, -2.5, 0.0),
@@ -57,10 +57,11 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class DrawnJoint:
-    """Hold what moves a bone against the one before it: turns about points, and the wander of the joint.
+    """Motion of a bone relative to its parent: rotations about points, and glide of the joint.
 
-    turns : pairs of a point (3,) and a (3, D) matrix that makes the joint's D angles a rotation vector, each
-    carried by those before it; glide_mm : (3, 2), times sin and 1 - cos of the first angle.
+    turns : pairs of a point (3,) and a matrix (3, D) from the joint's D angles to a rotation vector; each
+    rotation is carried by the previous ones. glide_mm : (3, 2) glide per sin and per 1 - cos of the first
+    angle.
     """
 
     name: str
@@ -71,14 +72,14 @@ class DrawnJoint:
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Names of the joint's angles, the first of which bends."""
+        """Names of the joint's angles, flexion first."""
         kinds = ("bend", "sway")[: self.turns[0][1].shape[1]]
         return tuple(f"{self.name}.{kind}" for kind in kinds)
 
 
 @dataclass(frozen=True)
 class DrawnBone:
-    """A bone as it lies on the table: from the centre at its base to the next (or to the skin of the tip)."""
+    """A bone on the table, from the joint centre at its base to the next one, or to the skin of the tip."""
 
     base: Array
     end: Array
@@ -86,20 +87,20 @@ class DrawnBone:
 
     @property
     def along(self) -> Array:
-        """Unit vector to its far end."""
+        """Unit vector from the base to the end."""
         return unit(self.end - self.base)
 
     @property
     def length_mm(self) -> float:
-        """From its base to its far end."""
+        """Distance from the base to the end."""
         return float(np.linalg.norm(self.end - self.base))
 
 
 @dataclass(frozen=True)
 class Worn:
-    """A taped receiver: where, its axes as columns, and the skin's own axes there.
+    """A taped receiver: its position, its axes and those of the skin there, as columns.
 
-    All as on a right hand: a left hand is drawn in the mirror.
+    All are for a right hand; a left hand is drawn as its mirror image.
     """
 
     bone: str
@@ -110,7 +111,7 @@ class Worn:
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody's bones, joints, habits and, for either hand, the receivers as they were put on."""
+    """A person's bones, joints and habits and, for each hand, the receivers as they were put on."""
 
     seed: int
     skin: Skin
@@ -134,10 +135,11 @@ def turn_about_axis(vector: Array, axis: Array, deg: float) -> Array:
 def draw_person(
     seed: int, *, scale: float | None = None, skin: Skin = "usual", thumb_facing: Facing = "between"
 ) -> Person:
-    """Draw a person. `scale` is the hand's size as a share of an average adult's (a child: 0.6 to 0.85).
+    """Draw a person.
 
-    thumb_facing : which way the receivers on both thumbs' metacarpals face: as the nail, as the back of the
-    hand, or anywhere between and a few degrees past either.
+    scale : size of the hand relative to an average adult's (a child: 0.6 to 0.85); random if omitted.
+    thumb_facing : direction of the receivers on the thumbs' metacarpals: that of the nail, that of the back
+    of the hand, or between the two up to a few degrees beyond.
     """
     for again in count():
         rng = np.random.default_rng([seed, 31, again] if again else [seed, 31])
@@ -146,9 +148,9 @@ def draw_person(
         if drawing.possible():
             break
     habits = {
-        "reach": float(rng.uniform(0.85, 1.05)),  # this person's share of the usual range
-        "tip_share": float(rng.uniform(0.45, 0.75)),  # of the PIP joint's bending that the DIP follows
-        "curl": float(rng.uniform(0.5, 1.5)),  # of the hand at rest
+        "reach": float(rng.uniform(0.85, 1.05)),  # range of motion relative to the usual one
+        "tip_share": float(rng.uniform(0.45, 0.75)),  # flexion of the DIP joint per flexion of the PIP joint
+        "curl": float(rng.uniform(0.5, 1.5)),  # flexion of the resting hand relative to the usual one
         "thumb_out": float(rng.uniform(-8, 12)),
     }
     worn = {side: drawing.wear(thumb_facing) for side in ("right", "left")}
@@ -162,11 +164,11 @@ def _table(distal_radial_dorsal: tuple[float, float, float]) -> Array:
 
 
 def _back_of_hand(along: Array) -> Array:
-    """Upwards, as seen along a bone."""
+    """Return the unit vector perpendicular to a bone that is nearest to up."""
     return unit(_UP - (_UP @ along) * along)
 
 
-# Skin over the line of centres: height and half width, mm; by how many deg it falls outward; share of length.
+# Skin at a receiver: height above the line of centres, half width, mm; distal slope, deg; share of length.
 _SURFACE = {
     "hand": (9.5, 32.0, 1.0, 0.27),
     "forearm": (19.0, 28.0, 3.0, 0.70),
@@ -187,13 +189,13 @@ _SEGMENTS = (
 
 
 class _Drawing:
-    """A hand being drawn: from the wrist outward, each joint with the bone beyond it."""
+    """Builder of a hand, from the wrist outward, each joint with the bone distal to it."""
 
     def __init__(self, rng: np.random.Generator, size: float, nail_deg: float) -> None:
         self.rng, self.size, self.nail_deg = rng, size, nail_deg
         self.bones: dict[str, DrawnBone] = {}
         self.joints: list[DrawnJoint] = []
-        # two crossing lines: bending through the capitate's head, swaying a few mm farther out
+        # two crossing axes: flexion through the capitate's head, deviation a few mm distal to it
         west, north, zero = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
         bend, sway = self._off(west, (_UP, 5)), self._off(_UP, (north, 5))
         farther = self.rng.uniform(1, 4) * self.size * north
@@ -207,24 +209,24 @@ class _Drawing:
         self.bones["forearm"] = DrawnBone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), _UP)
 
     def _off(self, vector: Array, *turns: tuple[Array, float]) -> Array:
-        """Return a direction turned about some others by random angles of these sd, deg."""
+        """Return a direction rotated about other ones by random angles with these sd, deg."""
         for axis, sd_deg in turns:
             vector = turn_about_axis(vector, axis, self.rng.normal(0, sd_deg))
         return vector
 
     def _join(self, name: str, bones: tuple[str, str], at: Array, axes: list[Array], glide_mm: float) -> None:
-        """Add a joint that turns about one point, which wanders a little as a cam's does."""
+        """Add a joint that turns about one point, which glides a little."""
         glide = self.rng.normal(0, glide_mm, (3, 2))
         self.joints.append(DrawnJoint(name, *bones, ((at, np.column_stack(axes)),), glide))
 
     def _start(self, digit: str) -> tuple[Array, Array]:
-        """Return the digit's own lengths and where it begins, mm."""
+        """Draw the digit's lengths and its base, mm."""
         usual = np.array(_LENGTHS[digit])
         lengths = usual * self.size * self.rng.normal(1.0, 0.035, len(usual))
         return lengths, _table(_BASE[digit]) * self.size + self.rng.normal(0, 0.8, 3)
 
     def _thumb(self) -> None:
-        """A saddle of two skew lines, one in the trapezium, one in the metacarpal; a ball; a hinge."""
+        """Add the thumb: a CMC joint with two skew axes, an MCP joint with two axes, and a hinge."""
         lengths, base = self._start("thumb")
         along = unit(_table((0.81, 0.35, -0.465)) + self.rng.normal(0, 0.07, 3))
         up = turn_about_axis(_back_of_hand(along), along, -self.nail_deg)
@@ -234,7 +236,7 @@ class _Drawing:
         tip = middle + (lengths[2] + lengths[3]) * self._off(along, (up, 2))
         apart_mm, zero = self.rng.uniform(2.5, 6.5), np.zeros(3)
         bend, sway = self._off(across, (along, 8), (up, 6)), self._off(up, (along, 8), (across, 6))
-        rolls = np.outer(along, self.rng.uniform(0.0, [0.15, 0.35]))  # as it opposes
+        rolls = np.outer(along, self.rng.uniform(0.0, [0.15, 0.35]))  # axial rotation in opposition
         lines = (
             (base - 0.7 * apart_mm * along, np.column_stack([bend, zero])),
             (base + 0.3 * apart_mm * along, np.column_stack([zero, sway]) - rolls),
@@ -248,7 +250,7 @@ class _Drawing:
         self._join("thumb_ip", (names[1], names[2]), middle, [self._off(across, (up, 2), (along, 4))], 0.25)
 
     def _finger(self, digit: str) -> None:
-        """A metacarpal that gives a little or turns about its base, a ball and two oblique hinges."""
+        """Add a finger: a CMC joint that moves a little, a two-axis MCP joint and two oblique hinges."""
         rng = self.rng
         fan, nail, *oblique, twist, lean, cups = _FINGER[digit] + np.append(
             rng.normal(0, [2, 3, 1.5, 1.5, 3, 1]), 0
@@ -266,7 +268,7 @@ class _Drawing:
         self.bones |= {name: DrawnBone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
         cup = self._off(across, (shaft, 8)) + cups * shaft
         self._join(f"{digit}_cmc", ("hand", names[0]), ends[0], [cup], 0.2)
-        axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # it rolls, too
+        axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # rolls slightly
         self._join(f"{digit}_mcp", (names[0], names[1]), ends[1], axes, 0.6)
         self._join(
             f"{digit}_pip", (names[1], names[2]), ends[2], [turn_about_axis(across, up, -oblique[0])], 0.25
@@ -275,7 +277,7 @@ class _Drawing:
         self._join(f"{digit}_dip", (names[2], names[3]), ends[3], [dip], 0.15)
 
     def possible(self) -> bool:
-        """Whether knuckles, metacarpals and the fingers of a resting hand lie beside each other."""
+        """Return whether knuckles, metacarpals and the fingers of a resting hand are side by side."""
         axes = {joint.name: joint.turns[0][1][:, 0] for joint in self.joints}
         shafts = np.array(
             [[bone.base, bone.end] for bone in (self.bones[f"{f}_metacarpal"] for f in FINGERS)]
@@ -295,7 +297,7 @@ class _Drawing:
         return bool((steps[..., 0] > 0).all() and knuckles.min() > 12.5 and apart.min() > 10)
 
     def wear(self, facing: Facing) -> tuple[Worn, ...]:
-        """Tape receivers, aimed at the middle of bones' backs, on the skin of one hand and flat on it."""
+        """Tape receivers flat on the skin of one hand, aiming at the middle of the bones' backs."""
         rng, most = self.rng, {"nail": (self.nail_deg - 8, self.nail_deg + 8), "hand": (-8.0, 12.0)}
         worn = []
         for segment in _SEGMENTS:
@@ -322,6 +324,6 @@ class _Drawing:
             skin_axes = np.column_stack([x, np.cross(z, x), z])
             slips_deg = np.clip(rng.normal(0, [2.5, 3.5, 4.0]), -8, 8)
             axes = skin_axes @ Rotation.from_rotvec(np.deg2rad(slips_deg)).as_matrix()
-            above_mm = rng.uniform(2.2, 3.2)  # the coils lie within the housing
+            above_mm = rng.uniform(2.2, 3.2)  # height of the coils within the housing
             worn.append(Worn(segment, skin + above_mm * z, axes, skin_axes))
         return tuple(worn)

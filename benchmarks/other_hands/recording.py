@@ -1,9 +1,9 @@
-"""A recording of somebody's hand, and what is true of it: skin, arm, and a magnetic tracker in a room.
+"""A recording of a person's hand with its truth: skin, arm, and a magnetic tracker in a room.
 
-Skin moves receivers by straps from the joints around, which pull unevenly, stick and creep back: the pull of
-a strap follows the joint's angle with hysteresis that creep removes within seconds, and saturates. The
-thumb's metacarpal is wrapped in skin and muscle that stay behind: its receiver is carried through a share of
-the bone's turning only, another share of its place.
+Skin motion under a receiver is driven by the neighbouring joints. It follows a joint's angle with hysteresis,
+which creep removes within seconds, and saturates. Skin and muscle over the thumb's metacarpal lag behind the
+bone, so that the receiver follows only a share of the bone's rotation, and another share of its motion in
+position.
 """
 
 from __future__ import annotations
@@ -19,16 +19,24 @@ from shukotsu.arrays import Array
 from shukotsu.tables.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
-"""A left hand is a right hand in a mirror that stands in the room's x-z plane."""
+"""Mirror at the room's x-z plane, which converts a right hand to a left one."""
 
 
 @dataclass(frozen=True)
 class DrawnRecording:
-    """Poses as the tracker reports them, and the true ones. World: the transmitter's frame, mm.
+    """A recording and its truth, mm in the transmitter's frame.
 
-    poses : as measured; true_pose : the same receivers where they really were; true_centre_mm : by joint,
-    (T, 3); true_angles_deg : by joint, (T, D) from the flat drawing, bending first; true_lengths_mm : by
-    bone, from its joint to the next, the last to the skin's tip.
+    Attributes
+    ----------
+    poses, true_pose : Poses
+        Receivers as the tracker reports them, and their true poses.
+    true_centre_mm : dict of str to array, shape (T, 3)
+        By joint: centre.
+    true_angles_deg : dict of str to array, shape (T, D)
+        By joint: angles from the flat hand, flexion first.
+    true_lengths_mm : dict of str to float
+        By bone: length from its joint to the next, or to the skin's tip.
+
     """
 
     poses: Poses
@@ -40,7 +48,11 @@ class DrawnRecording:
 
 @dataclass(frozen=True)
 class Session:
-    """How to record. forearm : whether a receiver is worn there; stiff : joints that hardly move."""
+    """Settings of a recording.
+
+    forearm : whether a receiver is worn on the forearm. stiff : joints that hardly move. dropouts : whether
+    the tracker loses poses for short times.
+    """
 
     duration_s: float = 25.0
     rate_hz: float = 240.0
@@ -50,15 +62,16 @@ class Session:
 
 
 def record(person: Person, side: str, task: str, seed: int, session: Session = Session()) -> DrawnRecording:
-    """Record a person's hand at a task of `gestures`, with the receivers as `person.worn` has them.
+    """Record a person's hand during a task of `gestures`.
 
-    Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
+    Recordings of one person share bones, skin, receivers (`person.worn`) and room; `seed` determines movement
+    and noise.
     """
     rate_hz, forearm = session.rate_hz, session.forearm
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
     time_s = np.arange(round(session.duration_s * rate_hz)) / rate_hz
     angles_deg = move_joints(person, task, moves, time_s, session.stiff)
-    stands = np.random.default_rng([person.seed, 35])  # the table to the transmitter, maybe upside down
+    stands = np.random.default_rng([person.seed, 35])  # table to transmitter, which may be upside down
     turns_deg = [stands.uniform(-180, 180), stands.choice([0.0, 180.0])]
     stands_so = Rotation.from_euler("zx", turns_deg, degrees=True)
     palm_mm, turned, on_table = move_arm(task, stands_so, moves, time_s)
@@ -75,17 +88,17 @@ def record(person: Person, side: str, task: str, seed: int, session: Session = S
     points = np.concatenate([position_mm, np.stack(list(marks.values()), axis=1)], axis=1)
     points -= move_points(bones["hand"], np.array([-2.0, 45.0, 0.0]))[
         :, None
-    ]  # the palm, which the arm holds
+    ]  # the palm, which the arm moves
     points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
     turning = turned.as_matrix()[:, None] @ turning
-    if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
+    if side == "left":  # mirror in y, which keeps the receivers' x (cable) and z (skin) axes
         points, turning = points * MIRROR, MIRROR[:, None] * turning * MIRROR
     names, position_mm = tuple(receiver.bone for receiver in worn), points[:, : len(worn)]
     facing = Rotation.from_matrix(turning.reshape(-1, 3, 3))
     frame, seen = np.arange(len(time_s), dtype=np.int64), np.ones(position_mm.shape[:2], bool)
     measured = measure(person, position_mm, facing, tracker)
     true_pose = Poses(names, frame, time_s, position_mm, quaternions(facing, seen.shape), seen)
-    if session.dropouts:  # short gaps, now and then of all receivers at once
+    if session.dropouts:  # short gaps, some of them of all receivers at once
         seen = seen.copy()
         for _ in range(tracker.integers(4, 12)):
             first = int(tracker.integers(0, len(seen)))
@@ -104,7 +117,7 @@ def record(person: Person, side: str, task: str, seed: int, session: Session = S
 
 
 def true_centres(recording: DrawnRecording, joint: str, segment: str) -> Array:
-    """Return a joint's centre (3,) in a receiver's frame as it rode: the mean over all frames, mm."""
+    """Return a joint's mean centre (3,), mm, in the frame of a receiver, which moves on the skin."""
     pose = recording.true_pose
     at = pose.index(segment)
     turning = Rotation.from_quat(pose.quaternion[:, at], scalar_first=True)
@@ -115,7 +128,7 @@ def true_centres(recording: DrawnRecording, joint: str, segment: str) -> Array:
 def settle(
     angles_deg: dict[str, Array], person: Person, time_s: Array, rng: np.random.Generator
 ) -> dict[str, Array]:
-    """Return each angle as the skin follows it, (T,) rad: with play, which creep takes back."""
+    """Return each angle (T,), rad, as the skin follows it: with hysteresis, which creep reduces."""
     names = [angle for joint in person.joints for angle in joint.angles]
     angles_rad = np.deg2rad(np.hstack([angles_deg[joint.name] for joint in person.joints]))
     play = rng.uniform(0.03, 0.12, angles_rad.shape[1])
@@ -137,14 +150,14 @@ def carry_receiver(
     pressed: Array,
     extra: Array,
 ) -> Motion:
-    """Return a receiver's places (T, 3) and turnings (T, 3, 3), before the arm carries the whole hand.
+    """Return a receiver's positions (T, 3) and rotations (T, 3, 3) before the arm moves the hand.
 
-    followed : each angle as the skin follows it, (T,) rad; pressed : (T,) the hand's weight on the table;
-    extra : (T, 6) mm and radians by which the receiver wanders, in the skin's axes, less on nails.
+    followed : each angle (T,), rad, as the skin follows it. pressed : (T,) share of the hand's weight on the
+    table. extra : (T, 6) drift of the receiver in the skin's axes, mm and rad, which is reduced on nails.
     """
     bone, thumb = worn.bone, worn.bone == "thumb_metacarpal"
     number = [receiver.bone for receiver in person.worn["right"]].index(bone)
-    rng = np.random.default_rng([person.seed, 32, number])  # the person's own skin, at that place
+    rng = np.random.default_rng([person.seed, 32, number])  # the same skin in all recordings of the person
     share = SKIN_SHARE[person.skin]
     share *= 1.5 if thumb or bone.startswith("little") else 1.0
     nail = bone.endswith("distal")
@@ -152,7 +165,7 @@ def carry_receiver(
     near = {"hand": ("thumb_cmc", "middle_mcp", "index_mcp"), "forearm": ("wrist",)}.get(bone, ())
     inner = [joint for joint in person.joints if joint.child == bone]
     outer = [joint for joint in person.joints if joint.name in near or (not near and joint.parent == bone)]
-    pulls, names = [], []  # mm along, across, off the bone, radians about these, each per radian
+    pulls, names = [], []  # shift along, across and off the bone, mm, and turn about these, rad, per rad
     for joint, towards in [*((j, -1.0) for j in inner), *((j, 1.0) for j in outer)]:
         for angle in joint.angles:
             bends = angle.endswith("bend")
@@ -161,12 +174,12 @@ def carry_receiver(
             pulls.append(share * np.array([slide, *rng.normal(0, sd)]))
             names.append(angle)
     pull = np.array(pulls).T
-    if bone == "hand":  # the whole back of the hand gives way by about this much, whoever pulls
+    if bone == "hand":  # limit the total motion of the skin on the back of the hand
         pull *= rng.uniform(0.5, 1.3) / np.linalg.norm(pull[:3])
         pull[3:] *= np.deg2rad(1.0) / max(1e-9, np.abs(pull[3:]).sum(axis=1).max())
     by_weight = share * rng.normal(0, [0.2] * 3 + [0.006] * 3) * ([5.0] * 3 + [10.0] * 3 if thumb else 1.0)
     behind_turn, behind_place = rng.uniform([0.10, 0.04], [0.25, 0.16])
-    full_rad = rng.uniform(0.5, 1.6, len(names))  # where a pull saturates
+    full_rad = rng.uniform(0.5, 1.6, len(names))  # angle at which skin motion saturates
     pulled = np.column_stack([followed[name] for name in names])
     moved = (full_rad * np.tanh(pulled / full_rad)) @ pull.T
     moved = moved + pressed[:, None] * by_weight + extra * (0.4 if nail else 1.0)
@@ -190,10 +203,10 @@ def carry_receiver(
 def measure(
     person: Person, place_mm: Array, turning: Rotation, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Return positions (T, S, 3) and quaternions (T, S, 4) as the tracker says them in this person's room.
+    """Return positions (T, S, 3) and quaternions (T, S, 4) as the tracker measures them in the room.
 
-    Its field is a smooth function of place, of long waves: some 3 mm a metre for each component, 0.3 deg for
-    50 mm.
+    The field's error is a smooth function of position with long waves: about 3 mm per metre and 0.3 deg per
+    50 mm for each component.
     """
     room, shape = np.random.default_rng([person.seed, 33]), place_mm.shape[:2]
     directions = unit(room.normal(size=(6, 3)))
@@ -209,7 +222,7 @@ def measure(
 
 
 def quaternions(turning: Rotation, shape: tuple[int, ...]) -> Array:
-    """Return (..., 4) w, x, y, z that run on without changing sign from frame to frame."""
+    """Return quaternions (T, S, 4), (w, x, y, z), without sign changes between frames."""
     quaternion = turning.as_quat(scalar_first=True).reshape(*shape, 4)
     steps = np.sign(np.einsum("tsi,tsi->ts", quaternion[1:], quaternion[:-1]))
     quaternion[1:] *= np.cumprod(steps, axis=0)[..., None]

@@ -1,4 +1,4 @@
-"""A whole hand fitted at once: every joint, every receiver's place and its skin, weighed against anatomy.
+"""Fit of a whole hand: joints, bones, receiver placement and skin motion together, with anatomy as a prior.
 
-On paper: docs/whole-hand.md, whose sections the modules name.
+On paper: docs/whole-hand.md, whose sections are named in each module.
 """

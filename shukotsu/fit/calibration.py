@@ -1,4 +1,4 @@
-"""A hand's calibration: its recordings, thinned where they are long, and what was measured on it.
+"""Fit a hand to its calibration: its recordings, decimated if they are long, and measurements made on it.
 
 On paper: docs/whole-hand.md, sections 5 and 7.
 """
@@ -32,12 +32,12 @@ from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import Poses, RecordingName, frame_count, read_every, recording_name, usable_poses
 
 MOST_FRAMES = 60_000
-"""Frames of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is used."""
+"""Largest number of frames read from a recording, four minutes at 240 Hz; longer ones are decimated."""
 
 REFERENCE_FRAMES = 80
-"""Number of evenly spaced frames in which the hand that anatomy expects is posed. Motions repeat themselves:
-with 200 frames the mean errors, which are millimetres, change by 0.001 mm and the 95th percentiles by 0.02
-mm.
+"""Largest number of frames read from a recording for the hand that anatomy alone predicts. This is enough
+because motions repeat: with 200 frames the mean errors, some millimetres, change by 0.001 mm and the 95th
+percentiles by 0.02 mm.
 """
 
 
@@ -50,8 +50,15 @@ Fits = dict[tuple[str, ...], Calibrated]
 class CalibratedHand(NamedTuple):
     """A fitted hand with its fingertips.
 
-    unsteady : receivers displaced in its calibration. alone : why it was fitted without the other hand's bone
-    lengths though the model shares them; empty where it was not.
+    Attributes
+    ----------
+    tips : Fingertips
+        The fit and its fingertips.
+    unsteady : Unsteady
+        Receivers displaced in its calibration.
+    alone : str
+        Why the other hand's bone lengths were not used although the model shares them; otherwise empty.
+
     """
 
     tips: Fingertips
@@ -60,16 +67,16 @@ class CalibratedHand(NamedTuple):
 
 
 def calibrated_hand(plan: SubjectPlan, part: Part, fits: Fits) -> CalibratedHand:
-    """Fit a part's hand, condition it on the other hand's bone lengths, on touches and on contacts.
+    """Fit a part's hand and condition it on the other hand's bone lengths, on touches and on contacts.
 
     Parameters
     ----------
     plan : SubjectPlan
-        What the study knows of the person.
+        Recordings, layouts, models and measurements of the subject.
     part : Part
         Hand, model, and the task left out.
     fits : dict
-        Hands of this person that are fitted already; missing ones are added.
+        Cache of this person's fitted hands; newly fitted ones are added.
 
     Returns
     -------
@@ -79,7 +86,7 @@ def calibrated_hand(plan: SubjectPlan, part: Part, fits: Fits) -> CalibratedHand
     Raises
     ------
     InputError
-        Where a finding refused all recordings to calibrate on, and as `fit_calibration` does.
+        If findings exclude every calibration recording, and in the cases of `fit_calibration`.
 
     """
     plan.check_calibration_left(part.hand)
@@ -109,26 +116,26 @@ def calibrated_hand(plan: SubjectPlan, part: Part, fits: Fits) -> CalibratedHand
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
     """Find the poses that calibrate the person's other hand under the part's model.
 
-    While a recording of either hand has a finding or cannot be read, no lengths are shared between them.
+    No lengths are shared if a recording of either hand has a finding or cannot be read.
 
     Parameters
     ----------
     plan : SubjectPlan
-        What the study knows of the person.
+        Recordings, layouts and models of the subject.
     part : Part
         Hand, model, and the task left out.
 
     Returns
     -------
     paths : list of Path
-        Poses files; empty where no lengths are shared.
+        Poses files; empty if no lengths are shared.
     reason : str
-        Why they are not shared though the model asks for it; else empty.
+        Why they are not shared although the model asks for it; otherwise empty.
 
     Raises
     ------
     InputError
-        Where the model fits no whole hand, or the layout is none.
+        If the model does not fit a whole hand, or the layout does not describe one.
 
     """
     layout = plan.layouts[part.hand]
@@ -155,7 +162,7 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
     fitting = plan.models[part.model].fitting
     if fitting is None:
         raise InputError(
-            f"model {part.model} fits no whole hand; expected fit: {{whole_hand: true}} in its file"
+            f"model {part.model} does not fit a whole hand; expected fit: {{whole_hand: true}} in its file"
         )
     if reason := no_whole_hand(plan.layouts[part.hand], part.model):
         raise InputError(reason)
@@ -165,30 +172,31 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
 def fit_calibration(
     plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path], fits: Fits
 ) -> Calibrated:
-    """Fit one of the person's hands to its calibration, as thinned, and to what a calliper measured on it.
+    """Fit one of the person's hands to its calibration recordings and to measurements made on the hand.
 
-    Frames in which a receiver was displaced are left out where they make centres worse.
+    Frames in which a receiver was displaced are left out if they move a joint centre by more than its sd.
 
     Parameters
     ----------
     plan, part
         As in `calibrated_hand`.
     hand : str
-        right or left: the part's hand, or the other one.
+        The part's hand or the other one, right or left.
     poses : sequence of Path
-        Recordings that calibrate it.
+        Poses files of its calibration recordings.
     fits : dict
-        Hands that are fitted already; this one is added.
+        Cache of fitted hands; this one is added.
 
     Returns
     -------
     Calibrated
-        The hand, the recordings that it was fitted to, and what was displaced in them.
+        The hand, the recordings to which it was fitted, and the displacements in them.
 
     Raises
     ------
     InputError
-        Where no recording can be read or the sheet names something that is absent, and as `fit_hand` does.
+        If no recording can be read or the sheet of measurements names an unknown quantity, and in the cases
+        of `fit_hand`.
 
     """
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
@@ -229,7 +237,7 @@ def fit_calibration(
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
-    """Read a recording's poses, evenly thinned where it is long.
+    """Read a recording's poses, evenly decimated if it is long.
 
     Parameters
     ----------
@@ -238,7 +246,7 @@ def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FR
     segments : sequence of str
         Segments to read.
     most_frames : int
-        Most frames that are kept.
+        Largest number of frames to keep.
 
     Returns
     -------
@@ -246,18 +254,18 @@ def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FR
         Every n-th frame, the first one included.
 
     """
-    return read_every(path, segments, -(-frame_count(path) // most_frames))
+    return read_every(path, segments, -(-frame_count(path) // most_frames))  # rounded up
 
 
 def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:
-    """Measurements of the hand; InputError where the sheet names what cannot be measured."""
+    """Return the measurements of the hand; raise InputError if the sheet names an unknown quantity."""
     quantities = measurable(layout)
     rows = [row for row in plan.rows["measurements"] if row["hand"] == hand]
     for row in rows:
         if row["quantity"] not in quantities:
             raise InputError(
-                f"{_place(plan, 'measurements', row, 'quantity')}: {row['quantity']!r} is nothing that is "
-                f"measured on layout {layout.name}; {guess(row['quantity'], quantities)}"
+                f"{_place(plan, 'measurements', row, 'quantity')}: {row['quantity']!r} cannot be measured "
+                f"on layout {layout.name}; {guess(row['quantity'], quantities)}"
             )
     return [Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows]
 
@@ -265,7 +273,7 @@ def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurem
 def _touches(
     plan: SubjectPlan, hand: str, by_name: Mapping[RecordingName, Poses], tips: Fingertips
 ) -> list[Touch]:
-    """The sheet's touches in recordings that calibrate the hand."""
+    """Return the sheet's touches that lie in the hand's calibration recordings."""
     recordings = {(name.task, name.trial): poses for name, poses in by_name.items()}
     sheet_rows = [
         r for r in plan.rows["touches"] if r["hand"] == hand and (r["task"], r["trial"]) in recordings
@@ -274,7 +282,7 @@ def _touches(
     touches = []
     for row in sheet_rows:
         poses = recordings[row["task"], row["trial"]]
-        # a person pinches in the same way each time, so all contacts of a pair share the weight of one
+        # a person pinches in the same way each time: all contacts of two digits together weigh as much as one
         shared_mm = CONTACT_SD_MM * met[frozenset((row["digit"], row["meets"]))] ** 0.5
         rows = np.flatnonzero((poses.time_s >= row["from_s"]) & (poses.time_s <= row["to_s"]))
         try:
@@ -285,18 +293,18 @@ def _touches(
 
 
 def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) -> Touch:
-    """Return the touch that a row of the sheet has in those frames: of a point, or of two digits."""
+    """Return the touch that a row of the sheet describes: of a digit on a point, or of two digits."""
     if not row["meets"]:
         point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
         return touch_in(tips, poses, rows, (row["digit"],), sd_mm, row["part"] or TIP, point_mm)
     digits = (row["digit"], row["meets"])
     if digits[0] == digits[1]:
-        raise InputError(f"column meets: is {digits[1]!r} as column digit is; expected another digit")
+        raise InputError(f"column meets: is {digits[1]!r}, as is column digit; expected another digit")
     return touch_in(tips, poses, rows, digits, sd_mm, row["part"] or PAD)
 
 
 def _place(plan: SubjectPlan, sheet: str, row: Row, column: str = "") -> str:
-    """File, row and column of a sheet, as a message begins; a study's plan does not know rows by number."""
+    """Return file, row and column as the start of a message; rows from a study's plan have no numbers."""
     place = str(plan.sheets.get(sheet, sheet))
     if row.line:
         place += f": row {row.line}"

@@ -1,4 +1,4 @@
-"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver.
+"""Chains of operations from the frame of a layout's base bone, the root, to all its bones and receivers.
 
 On paper: docs/whole-hand.md, section 2.
 """
@@ -43,12 +43,12 @@ UNMODELLED = "unmodelled"
 """Group of unknowns for errors of lengths outside the fitted model (section 8)."""
 
 _FINGER_JOINTS = 4
-"""Joints of a digit that has a DIP joint."""
+"""Number of joints of a digit that has a DIP joint."""
 
 
 @dataclass(frozen=True)
 class HandModel:
-    """Chains of a hand with their unknowns and states: all of the model that does not depend on a recording.
+    """Chains of a hand with their unknowns and states: the part of the model that no recording changes.
 
     Parameters
     ----------
@@ -59,15 +59,15 @@ class HandModel:
     receivers : tuple of str
         Segments, in the order of `Frames`.
     guesses : tuple of FirstGuess
-        How flexions show between two receivers.
+        How to read a flexion off the relative rotation of two receivers.
     length : mapping of str to Amount
-        Of every bone, mm, by segment.
+        Length of every bone, mm, by segment.
     mount : mapping of str to three Amounts
         Place of a segment's receiver in its bone's frame, mm.
     axes : mapping of str to array, shape (3,)
         Flexion axis of a joint in the frame marked `axis_frame`.
     centres : mapping of str to str
-        Mark at a joint's centre.
+        Name of the mark at a joint's centre, by joint.
     centres_in_child : mapping of str to three Amounts
         Centre of a joint without anatomy in its child's receiver, mm.
     knuckles : mapping of str to three Amounts
@@ -75,7 +75,7 @@ class HandModel:
     scale : Amount
         Size of the hand.
     anatomy : mapping of str to DigitAnatomy
-        Of the average digits, the thumb's metacarpal facing as its receiver does.
+        Anatomy of the average digits; the thumb's metacarpal faces as its receiver shows.
 
     """
 
@@ -112,7 +112,7 @@ def hand_model(
     receivers : sequence of str
         Segments of the receivers, in the order of `Frames`.
     seen : sequence of str
-        Those with valid poses; skin has no unknowns for angles that no receiver shows.
+        Receivers with valid poses; skin has no unknowns for angles that no receiver shows.
     wrist_mm : array, shape (3,)
         Wrist centre expected in the frame of the root's receiver.
     free : sequence of FreeJoint
@@ -120,12 +120,12 @@ def hand_model(
     scale : tuple of float
         Mean and sd of the hand's size, relative to the average hand.
     anatomy : mapping of str to DigitAnatomy
-        Of the average digits.
+        Anatomy of the average digits.
 
     Returns
     -------
     HandModel
-        Unknowns, states, branches, and the amounts that lengths and receivers' places are.
+        Unknowns, states and branches; bone lengths and receiver positions as functions of the unknowns.
 
     """
     builder = Builder(layout, scale, frozenset(seen))
@@ -135,8 +135,8 @@ def hand_model(
     branches: list[Sequence[Step]] = [base]
     branches += [_DigitChain(builder, digit, anatomy[digit.name]).steps() for digit in digits]
     states = builder.states
-    for digit in digits:  # a finger's last two joints bend together, which tells them apart
-        *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
+    for digit in digits:  # PIP and DIP bend together, which separates them if no receiver is between
+        pip, dip = ((joint, KINDS[0]) for joint in digit.joints[-2:])
         if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
             places = states.names.index(dip), states.names.index(pip)
             states.follow(*places, PRIOR.DIP_PER_PIP, PRIOR.DIP_BY_PIP_SD_DEG)
@@ -173,11 +173,11 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
         builder.states.add(name, kind, 0.0, sd)
         for kind, sd in zip(KINDS, ANGLE_SD_DEG[max(joint.joint.dof, 1) - 1], strict=True)
     ]
-    axes = joint.axes if outward else -joint.axes  # angles are the child's
+    axes = joint.axes if outward else -joint.axes  # angles describe the child's motion
     builder.axes[name] = joint.axes[:, 0]
     builder.centres[name] = centre(name)
     builder.guesses.append(FirstGuess(states[0], joint.near, joint.far, np.eye(3), axes[:, 0], joint.mean))
-    at_receiver = [1, 2] if joint.joint.dof == 1 else []  # a hinge has one axis; skin turns the receiver
+    at_receiver = [1, 2] if joint.joint.dof == 1 else []  # rotations off a hinge's axis are skin motion
     turns: list[Step] = [
         Mark(axis_frame(name)),
         *(by_state(axes[:, i], state) for i, state in enumerate(states) if i not in at_receiver),
@@ -197,8 +197,17 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
 class _DigitChain:
     """Builder of one digit's chain, from the base bone's frame; joint k moves bone k.
 
-    above : from the hand's frame to that of the bone before bone k; axes : flexion axes in it, rests :
-    rotations of bone k against it, digit straight. flexions : the state of every joint that flexes.
+    Attributes
+    ----------
+    above : array, shape (K, 3, 3)
+        Rotation from the hand's frame to that of the bone proximal to bone k, digit straight.
+    axes : list of array, shape (3,)
+        Flexion axis of joint k in the proximal bone's frame.
+    rests : list of array, shape (3, 3)
+        Rotation of bone k relative to the proximal bone, digit straight.
+    flexions : dict of str to int
+        State of the flexion of every joint that flexes.
+
     """
 
     def __init__(self, builder: Builder, digit: Digit, anatomy: DigitAnatomy) -> None:
@@ -213,7 +222,7 @@ class _DigitChain:
             builder.length[segment] = builder.place(length, self._unmodelled_mm(k), UNMODELLED, segment)
 
     def steps(self) -> list[Step]:
-        """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
+        """Lay out base, direction, joints, bones and receivers; add first guesses of flexions."""
         builder, name = self.builder, self.digit.name
         base_sd_mm = PRIOR.THUMB_BASE_SD_MM if name == "thumb" else PRIOR.BASE_SD_MM
         base = [
@@ -245,7 +254,7 @@ class _DigitChain:
         return steps
 
     def _knuckle(self, base: Sequence[Amount], turns: Sequence[Amount]) -> tuple[Amount, Amount, Amount]:
-        """Where the first bone ends in the hand's frame, to first order in its base, direction and length."""
+        """Return the end of the first bone in the hand's frame, to first order in its unknowns."""
         length = self.lengths[0]
         aside, down = (turn.times(length.constant) for turn in (turns[2], turns[1].times(-1.0)))
         x, y, z = (
@@ -255,7 +264,7 @@ class _DigitChain:
         return x, y, z
 
     def _flexion_states(self) -> dict[str, int]:
-        """Add the flexion of every joint of the digit that moves, also CMC 2 and 3, which move little."""
+        """Add a flexion state for every joint that moves, including CMC 2 and 3, which move little."""
         flexions = {}
         for k, joint in enumerate(self.digit.joints):
             moves = bool(self.builder.layout.joints[joint].dof)
@@ -269,7 +278,7 @@ class _DigitChain:
         return flexions
 
     def _bone(self, k: int) -> list[Step]:
-        """Joint k, its bone and receiver; a thumb's first sits on a side branch, which turns less."""
+        """Lay out joint k, its bone and receiver; a thumb's first receiver follows its joint only in part."""
         builder, joint, segment = self.builder, self.digit.joints[k], self.digit.segments[k]
         skew = self.anatomy.second_axis if k == 0 else None
         second = None if skew is None else self.above[k] @ skew
@@ -286,11 +295,11 @@ class _DigitChain:
         return [*steps, along(X, length)]
 
     def _kind(self, k: int) -> str:
-        """Anatomical kind of bone k, independent of its segment's name in the layout."""
+        """Return the anatomical kind of bone k, independent of its segment's name in the layout."""
         return BONE_KINDS[k] if k < len(self.digit.segments) - 1 else BONE_KINDS[-1]
 
     def _length(self, k: int) -> Amount:
-        """Length of bone k: average times the hand's scale, plus its own part and the source's."""
+        """Return the length of bone k: the scaled average plus deviations of this bone and its kind."""
         kind, builder = self._kind(k), self.builder
         own_sd_mm = PRIOR.LENGTH_SD_MM[kind]
         if k == 0 and self.anatomy.second_axis is not None:
@@ -300,12 +309,12 @@ class _DigitChain:
         return length.plus(builder.shared(PRIOR.SOURCE_SD_MM[kind], "source", kind))
 
     def _unmodelled_mm(self, k: int) -> float:
-        """Sd of the part of a bone's length, as sources define it, that the chain does not model."""
+        """Return the sd of a bone's length that comes from how sources define its ends, mm."""
         part = "phalanx" if k else "thumb_metacarpal" if self.digit.name == "thumb" else "metacarpal"
         return PRIOR.UNMODELLED_LENGTH_MM[part]
 
     def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
-        """The receiver of bone k: at mid-bone, driven by the joints beside it."""
+        """Lay out the receiver of bone k, whose skin is moved by the joints at both ends of the bone."""
         is_last = k == len(self.digit.segments) - 1
         share, height_mm = PRIOR.NAIL_SHARE if is_last else PRIOR.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
@@ -323,7 +332,7 @@ class _DigitChain:
             drives,
             self._kind(k),
             moved.turn_lag(),
-            faces_anyhow=bool(moved.lags),
+            faces_freely=bool(moved.lags),
         )
 
 
@@ -331,12 +340,12 @@ class _Joint:
     """Operations of one joint (docs/whole-hand.md, section 2).
 
     A side branch may repeat them for a receiver that follows only a part of the motion. Flexion turns about
-    an axis that may be tilted, abduction about the child's dorsal axis, which flexion carries, and axial
-    rotation about its long axis, which both carry; a hinge has the last two within a few degrees, and its
-    bone may lean sideways at rest. The centre slides as the joint flexes. Of two skew axes the second, in the
-    parent, carries the first, and the centre is half way between them. CMC joints without a receiver
-    pronate as they flex and are held slightly flexed; where the layout declares them immobile they are left
-    out of the tables, but their small motion is modelled so that it is not attributed to other joints.
+    an axis that may be tilted, then abduction about the child's dorsal axis, then axial rotation about its
+    long axis. A hinge abducts and rotates by a few degrees only, and its bone may lean sideways at rest. The
+    centre slides as the joint flexes. If a joint has two skew axes, the second one is fixed in the parent and
+    carries the first, and the centre is half way between them. CMC joints without a receiver pronate as they
+    flex and are held slightly flexed. If the layout declares them immobile they are left out of the tables,
+    but their small motion is modelled so that it is not attributed to other joints.
     """
 
     def __init__(
@@ -401,7 +410,7 @@ class _Joint:
         )
 
     def steps(self, *, lagging: bool = False) -> list[Step]:
-        """The joint's operations from its parent's frame, at its centre, to its child's."""
+        """Lay out the operations from the parent's frame at the joint's centre to the child's frame."""
         rest: list[Step] = [Turn(self.rest)]
         if self.flexion is None:
             return rest
@@ -434,13 +443,13 @@ class _Joint:
         return [*steps, back, *abduct, across, *flex, roll, back, *rest]
 
     def _lag(self, state: int, lagging: bool) -> tuple[Term, ...]:
-        """Share of a joint angle that the receiver's place does not follow."""
+        """Return the terms by which the receiver's position lags behind a joint angle."""
         if not lagging or self.lags is None:
             return ()
         return Term(PRIOR.PLACE_LAG, None, state), Term(PRIOR.PLACE_LAG_SD, self.lags[0], state)
 
     def turn_lag(self) -> tuple[Step, ...]:
-        """Turn the receiver back about the joint's axes, as it turns less than its place moves."""
+        """Lay out the rotations by which the receiver's orientation lags behind its position."""
         if self.lags is None or self.flexion is None or self.others is None:
             return ()
         steps = []

@@ -1,4 +1,4 @@
-"""Lay out chains: amounts in terms of the unknowns, names of marks, elementary steps.
+"""Building blocks of chains: amounts as functions of the unknowns, names of marks, elementary steps.
 
 Unknowns (x) are in units of their prior's standard deviation, zero at its mean. States (y) are the joint
 angles of a frame, rad: zero when the digit is straight and lies flat in the hand.
@@ -24,7 +24,7 @@ KINDS = ("flexion", "abduction", "axial")
 
 @dataclass(frozen=True)
 class Amount:
-    """constant + sum of coefficient * x[unknown]: a length, an offset."""
+    """A length or an offset that is linear in the unknowns: constant + sum of coefficient * x[unknown]."""
 
     constant: float
     parts: tuple[tuple[float, int], ...]
@@ -46,7 +46,7 @@ class Amount:
         return Amount(self.constant * factor, tuple((c * factor, i) for c, i in self.parts))
 
     def plus(self, other: Amount) -> Amount:
-        """The sum of two amounts."""
+        """Return the sum of two amounts."""
         return Amount(self.constant + other.constant, self.parts + other.parts)
 
     def row(self, n_unknowns: int) -> Array:
@@ -60,7 +60,7 @@ class Amount:
         Returns
         -------
         array, shape (G,)
-            In the amount's unit per unit of an unknown, which is one sd of its prior.
+            Derivative, in the amount's unit per sd of the unknown's prior.
 
         """
         row = np.zeros(n_unknowns)
@@ -71,7 +71,7 @@ class Amount:
 
 @dataclass
 class Unknowns:
-    """What x holds: a name and a group (of common prior scale) for each."""
+    """Names of the unknowns x, and their groups, each with a common prior scale."""
 
     names: list[str] = field(default_factory=list)
     groups: list[str] = field(default_factory=list)
@@ -85,7 +85,18 @@ class Unknowns:
 
 @dataclass
 class States:
-    """Joint, kind and prior (mean, sd) in rad of each joint angle; follows : another angle, and the ratio."""
+    """Joint angles of a frame with their priors.
+
+    Attributes
+    ----------
+    names : list of (joint, kind)
+        Joint and kind of each angle.
+    mean, sd : list of float
+        Prior mean and standard deviation, rad.
+    follows : dict of int to (int, float)
+        For an angle whose prior mean is a multiple of another angle: that angle and the ratio.
+
+    """
 
     names: list[tuple[str, str]] = field(default_factory=list)
     mean: list[float] = field(default_factory=list)
@@ -123,17 +134,17 @@ class States:
         ratio : float
             Factor on the other state.
         sd_deg : float
-            Prior sd about that, deg.
+            Prior sd about that multiple, deg.
 
         """
         self.follows[state] = other, ratio
         self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
 
     def sd_over(self, samples: float) -> Array:
-        """Prior sd of the states over a number of independent samples.
+        """Return the prior sd of the states for a fit to a number of independent samples.
 
-        The coupling of two joints is one fact about the hand and counts once, not once a sample: its sd grows
-        with the root of their number.
+        The coupling of two joints is a single piece of information about the hand, not one per sample, so its
+        sd is multiplied by the root of the number of samples.
 
         Parameters
         ----------
@@ -151,7 +162,7 @@ class States:
         return sd
 
     def link(self) -> Array:
-        """Matrix (S, S) that maps states, less their means, to independent components with the sd `sd`."""
+        """Return the matrix (S, S) from deviations from the mean to independent components of sd `sd`."""
         link = np.eye(len(self.names))
         for state, (other, ratio) in self.follows.items():
             link[state, other] = -ratio
@@ -160,9 +171,19 @@ class States:
 
 @dataclass(frozen=True)
 class FirstGuess:
-    """Flexion (state) between two receivers: child rotation = parent rotation * before * flexion * after.
+    """How to read a flexion off two receivers: child rotation = parent rotation * before * flexion * after.
 
-    axis : (3,) of the flexion, between `before` and `after`, which are (3, 3).
+    Attributes
+    ----------
+    state : int
+        Index of the flexion among the states.
+    parent, child : str
+        Segments of the two receivers.
+    before, after : array, shape (3, 3)
+        Constant rotations.
+    axis : array, shape (3,)
+        Flexion axis in the frame that `before` leads to.
+
     """
 
     state: int
@@ -175,57 +196,57 @@ class FirstGuess:
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint angle (state) that moves skin; the skin is relaxed at relaxed_rad."""
+    """A joint angle (state) that moves skin, which is relaxed at the angle relaxed_rad."""
 
     state: int
     relaxed_rad: float = 0.0
 
     def terms(self, per_rad: float, unknown: int | None = None) -> tuple[Term, Term]:
-        """Terms of an amount of skin that moves in proportion to a joint's angle.
+        """Return the terms by which skin moves in proportion to the joint angle.
 
         Parameters
         ----------
         per_rad : float
-            Amount per rad from the angle at which skin is relaxed.
+            Motion of the skin per rad from the angle at which it is relaxed.
         unknown : int, optional
             Index of an unknown that scales it.
 
         Returns
         -------
         tuple of Term
-            Term with the joint angle, and the constant one of the relaxed angle.
+            A term proportional to the angle, and the constant that makes it zero at the relaxed angle.
 
         """
         return Term(per_rad, unknown, self.state), Term(-per_rad * self.relaxed_rad, unknown)
 
 
 def bone(segment: str) -> str:
-    """Name of the mark at a bone's frame, whose origin is the centre of its proximal joint."""
+    """Return the name of the mark at a bone's frame, whose origin is the centre of its proximal joint."""
     return f"bone {segment}"
 
 
 def axis_frame(joint: str) -> str:
-    """Name of the mark at the frame in which a joint's flexion axis is `HandModel.axes` of it."""
+    """Return the name of the mark at the frame in which `HandModel.axes` states a joint's flexion axis."""
     return f"axis {joint}"
 
 
 def straight(digit: str) -> str:
-    """Name of the mark at the hand's frame, turned by this person's orientation of the digit in it."""
+    """Return the name of the mark at a digit's base: the hand's axes, turned by this digit's direction."""
     return f"straight {digit}"
 
 
 def centre(joint: str) -> str:
-    """Name of the mark at the centre of a joint that does not start a known bone."""
+    """Return the name of the mark at the centre of a joint at which no bone of known anatomy begins."""
     return f"centre {joint}"
 
 
 def receiver(segment: str) -> str:
-    """Name of the mark at a receiver's frame."""
+    """Return the name of the mark at a receiver's frame."""
     return f"receiver {segment}"
 
 
 class Builder:
-    """Shared state while chains are laid out; attributes, `scale` and `seen` as in `hand_model`."""
+    """State shared while chains are laid out: attributes of `HandModel`, arguments of `hand_model`."""
 
     def __init__(self, layout: Layout, scale: tuple[float, float], seen: frozenset[str]) -> None:
         self.layout, self.seen = layout, seen
@@ -245,11 +266,11 @@ class Builder:
         Parameters
         ----------
         mean : float
-            Mean of its prior, in its own unit (mm or rad).
+            Mean of its prior, mm or rad.
         sd : float
             Standard deviation of its prior, in the same unit.
         group, name : str
-            Group whose scale it shares (`fit.FAMILIES`), and its name.
+            Group whose prior scale it shares (`fit.FAMILIES`), and its name.
 
         Returns
         -------
@@ -269,7 +290,7 @@ class Builder:
         sd : float
             Standard deviation of its prior, in the same unit.
         group, name : str
-            Group whose scale it shares (`fit.FAMILIES`), and its name.
+            Group whose prior scale it shares (`fit.FAMILIES`), and its name.
 
         Returns
         -------
@@ -280,19 +301,19 @@ class Builder:
         return mean.plus(self.free(0.0, sd, group, name))
 
     def shared(self, sd: float, group: str, name: str) -> Amount:
-        """Amount with mean zero that several parts of the hand share: one unknown under one name.
+        """Return an amount of mean zero that several parts of the hand share: one unknown under one name.
 
         Parameters
         ----------
         sd : float
             Standard deviation of its prior, in the same unit.
         group, name : str
-            Group whose scale it shares (`fit.FAMILIES`), and its name.
+            Group whose prior scale it shares (`fit.FAMILIES`), and its name.
 
         Returns
         -------
         Amount
-            sd times the unknown, which is added where it is not there yet.
+            sd times the unknown, which is added if it does not exist yet.
 
         """
         full = f"{name} {group}"
@@ -308,29 +329,29 @@ class Builder:
         kind: str | None = None,
         lag: Sequence[Step] = (),
         *,
-        faces_anyhow: bool = False,
+        faces_freely: bool = False,
     ) -> tuple[Step, ...]:
-        """Lay out a receiver on its bone, which skin moves with joint angles (docs/whole-hand.md, section 3).
+        """Lay out a receiver on its bone, moved by skin as joints bend (docs/whole-hand.md, section 3).
 
         Parameters
         ----------
         segment : str
-            Of the receiver.
+            Segment that carries the receiver.
         position : sequence of three Amounts
-            Expected place in the bone's frame, mm.
+            Expected position in the bone's frame, mm.
         drives : sequence of Drive
             Joint angles that move its skin.
         kind : str, optional
-            Of the bone; None for the palm. Nails share one habit of placement, other bones another.
+            Kind of the bone; None for the palm. Nails share a habit of placement, and so do all other bones.
         lag : sequence of Step
-            Turn of the receiver against that of its place.
-        faces_anyhow : bool
-            Whether its roll about the bone is unconstrained.
+            Rotations by which the receiver's orientation lags behind its position.
+        faces_freely : bool
+            Whether its roll about the bone is hardly constrained.
 
         Returns
         -------
         tuple of Step
-            From the bone's frame to the mark of the receiver.
+            Steps from the bone's frame to the mark of the receiver.
 
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
@@ -349,7 +370,7 @@ class Builder:
             skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", PRIOR.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
             if i == 0 and habit is not None:
-                sd = PRIOR.FACING_SD_RAD if faces_anyhow else PRIOR.ROUND_SD_RAD
+                sd = PRIOR.FACING_SD_RAD if faces_freely else PRIOR.ROUND_SD_RAD
                 steps.append(about(axis, self.free(0.0, sd, "facing", segment)))
         steps += lag
         for i, axis in enumerate(np.eye(3)):
@@ -357,13 +378,13 @@ class Builder:
             turn = self._put_on(Amount(slope, ()), PRIOR.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
             skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", PRIOR.TILT_SD[i])
             if i == 1 and kind == "distal" and drives:
-                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # beyond the usual
+                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # common to all nails
                 skin += drives[0].terms(PRIOR.DISTAL_TILT) + drives[0].terms(PRIOR.DISTAL_TILT_SD, more)
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 
     def _cover(self) -> Amount:
-        """Amount by which skin and housing of all receivers are higher than expected."""
+        """Return the amount by which skin and housing of all receivers are higher than expected."""
         height_mm = self.layout.receiver_height_mm
         if height_mm is None:
             return self.shared(PRIOR.COVER_SD_MM, "cover", "receivers")
@@ -373,7 +394,7 @@ class Builder:
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
     ) -> Amount:
-        """Place a receiver along or about an axis of its bone: expected place, habit, and random part."""
+        """Return a receiver's offset or turn on an axis of its bone: expected, by habit and by chance."""
         letter = "xyz"[axis]
         if habit is None:
             return self.place(mean, sd, group, f"{segment} {letter}")
@@ -489,7 +510,7 @@ def across_of(axis: Array) -> tuple[Array, Array]:
 
 
 def tilt_steps(across: tuple[Array, Array], tilts: Sequence[Amount], turn: Sequence[Step]) -> list[Step]:
-    """Rotate about an axis that two small rotations tilt: tilt, turn, and tilt back.
+    """Rotate about an axis that is itself tilted by two small rotations: tilt, turn, and tilt back.
 
     Parameters
     ----------

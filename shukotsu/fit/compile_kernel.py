@@ -1,4 +1,4 @@
-"""Command line: compile the functions that fit and pose hands, in advance, so that no study waits for it.
+"""Command line: compile the functions that fit and pose hands ahead of time, so that no study waits for it.
 
 On paper: docs/whole-hand.md, section 6.
 """
@@ -21,7 +21,7 @@ LAYOUT = "liberty16"
 
 
 def compile_all() -> None:
-    """Call every compiled function on one frame; numba keeps them beside the code, or in NUMBA_CACHE_DIR."""
+    """Compile every function by calling it; numba caches them beside the code, or in NUMBA_CACHE_DIR."""
     problem, point = one_frame()
     steps = compiled_equations.reduce(problem, point)
     compiled_equations.back_substitute(problem, point, steps, np.zeros(len(point.x)))
@@ -29,13 +29,13 @@ def compile_all() -> None:
 
 
 def load_compiled() -> None:
-    """Load what is compiled already, for the forks of this process to share; compile nothing."""
+    """Load the functions for forks of this process to share, but only if all are compiled already."""
     if all(folder and any(folder.glob(f"{name}-*.nbi")) for name, folder in folders.items()):
         compile_all()
 
 
 def one_frame() -> tuple[Problem, Point]:
-    """An average hand, flat, and nothing measured of it."""
+    """Return the problem and the point of a flat average hand in a frame without valid receivers."""
     layout = read_layout(LAYOUT)
     names = [name for name in layout.measured if not layout.segments[name].optional]
     model = hand_model(layout, names, names, np.zeros(3))
@@ -59,8 +59,9 @@ def one_frame() -> tuple[Problem, Point]:
 
 @contextmanager
 def held_kernel(*, alone: bool) -> Iterator[None]:
-    """Lock the kernel: exclusively to compile it, so that other processes wait, else shared. Where files
-    cannot be locked, every process compiles for itself.
+    """Lock the kernel, exclusively (`alone`) to compile it while other processes wait, otherwise shared.
+
+    If files cannot be locked, every process compiles for itself.
     """
     with Path(__file__).with_name("kernel").joinpath("__init__.py").open("rb") as file:
         with suppress(ImportError, OSError):

@@ -1,4 +1,4 @@
-"""Residuals, normal equations and posing by the kernel, which reads chains as arrays.
+"""Residuals, normal equations and posing by the compiled kernel, which takes chains as flat arrays.
 
 On paper: docs/whole-hand.md, sections 5 and 6.
 """
@@ -27,10 +27,10 @@ from shukotsu.fit.operations import Branch, Index, Reached
 from shukotsu.hand.rotations import Array
 
 BLOCK_FRAMES = 128
-"""Frames that are posed together: their data fit into a core's cache."""
+"""Number of frames that are posed together; their data fit into a core's cache."""
 
 _LEAST_GAIN = 1e-4
-"""Share of a frame's cost below which a step is its last."""
+"""Relative decrease of a frame's cost below which its iteration ends."""
 
 _KINDS = {
     "rotate": forward.ROTATE,
@@ -43,8 +43,8 @@ _KINDS = {
 
 
 class Jacobian(NamedTuple):
-    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
-    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
+    """A branch's weighted and tempered residuals r (F, m), and their derivatives by its states (F, m, s), by
+    the root (F, m, 6) and by its unknowns (F, m, g).
     """
 
     r: Array
@@ -55,10 +55,18 @@ class Jacobian(NamedTuple):
 
 @dataclass(frozen=True)
 class Steps:
-    """Normal equations with all states and roots eliminated, as in `Reduced`, but frames last.
+    """Normal equations with all states and roots eliminated, as in `Reduced`, but with the frames last.
 
-    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F). Of every branch: its states as
-    eliminated, its unknowns, its weighted residuals r (m, F) and their derivatives.
+    Attributes
+    ----------
+    matrix, gradient : array, shape (G, G) and (G,)
+        Normal equations of the hand's unknowns.
+    root_inverse, root_by_x, root_rhs : array, shape (6, 6, F), (G, 6, F) and (6, F)
+        Elimination of the roots.
+    eliminated, unknowns, r, derivatives : tuple
+        For every branch: elimination of its states, indices of its unknowns, weighted residuals (m, F) and
+        their derivatives.
+
     """
 
     matrix: Array
@@ -80,7 +88,7 @@ class Steps:
         return jacobians
 
     def frames_first(self) -> Reduced:
-        """Return the same with the frames first."""
+        """Return the same equations with the frames first."""
         return Reduced(
             self.matrix,
             self.gradient,
@@ -97,12 +105,12 @@ class Steps:
 
 
 def _last(values: Array) -> Array:
-    """A copy with the frames last instead of first."""
+    """Return a copy with the frames last instead of first."""
     return np.moveaxis(values, 0, -1).copy()
 
 
 def _first(values: Array) -> Array:
-    """A copy with the frames first instead of last."""
+    """Return a copy with the frames first instead of last."""
     return np.moveaxis(values, -1, 0).copy()
 
 
@@ -123,7 +131,7 @@ def _residual_buffers(problem: Problem, n: int) -> derivatives.ResidualArrays:
 
 
 def _posing_buffers(problem: Problem, n: int) -> posing.PosingBuffers:
-    """Buffers in which n frames are posed."""
+    """Allocate the buffers for posing n frames."""
     b, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
     s = max((len(branch.states) for branch in problem.branches), default=0)
     return posing.PosingBuffers(
@@ -143,7 +151,7 @@ def _chains(problem: Problem) -> forward.FlatChains:
 
 
 def _amounts(chains: forward.FlatChains, x: Array) -> forward.Amounts:
-    """Return the steady part of every operation's amount, and how much of a state each term adds."""
+    """Return the constant part of every operation's amount, and the factor of each term on its state."""
     terms = chains.terms
     slope = terms.coefficient * np.where(terms.unknown >= 0, x[terms.unknown], 1.0)
     running = np.append(0.0, np.cumsum(np.where(terms.state < 0, slope, 0.0)))
@@ -230,14 +238,14 @@ def residuals(problem: Problem, point: Point) -> Residuals:
     Parameters
     ----------
     problem : Problem
-        What is fitted to what.
+        Chains, measured frames and priors.
     point : Point
         Values of all unknowns.
 
     Returns
     -------
     Residuals
-        By branch and receiver, over their sd, and the cost, each frame's part of it apart.
+        Residuals by branch and receiver in units of their sd, the total cost, and each frame's part of it.
 
     """
     at = _evaluated(problem, point)
@@ -266,16 +274,16 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
     Parameters
     ----------
     problem : Problem
-        What is fitted to what.
+        Chains, measured frames and priors.
     point : Point
-        Where it is linearised.
+        Point at which it is linearised.
     damping : float
-        Marquardt's: share of the diagonal that is added to it, for states and roots alone.
+        Marquardt's: share of the diagonal that is added to it, for states and roots only.
 
     Returns
     -------
     Steps
-        Matrix (G, G) and gradient (G,) of the hand's unknowns, and what leads back to roots and states.
+        Matrix (G, G) and gradient (G,) of the hand's unknowns, and the terms for `back_substitute`.
 
     """
     at, G, n = _evaluated(problem, point), len(point.x), len(point.y)
@@ -315,18 +323,18 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
     Parameters
     ----------
     problem : Problem
-        What is fitted to what.
+        Chains, measured frames and priors.
     point : Point
-        Where the step starts.
+        Point at which the step starts.
     steps : Steps
-        Equations that were reduced there.
+        Normal equations as reduced at that point.
     dx : array, shape (G,)
         Step of the unknowns.
 
     Returns
     -------
     Point
-        Where the step ends.
+        Point after the step.
 
     """
     at = _poses(point)
@@ -347,9 +355,9 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     problem : Problem
         F frames.
     point : Point
-        Where to start; its x stays.
+        Start; its x is kept.
     steps : int
-        Most steps; a frame ends earlier when one gains less than a 10,000th of its cost.
+        Most steps; a frame ends earlier when a step lowers its cost by less than a 10,000th.
 
     Returns
     -------
@@ -380,12 +388,12 @@ def _flat_chains(
     receivers: tuple[tuple[tuple[int, int], ...], ...],
     shared: tuple[int, ...] = (),
 ) -> forward.FlatChains:
-    """Lay out branches with their receivers, pairs (mark in the branch, receiver in frames).
+    """Flatten branches to arrays, with their receivers as pairs (mark in the branch, receiver in frames).
 
-    shared : unknowns that move no chain but are seen by every receiver; the last of each branch's.
+    shared : unknowns that move no chain but affect every receiver, appended to the unknowns of each branch.
     """
     operations = [operation for branch in branches for operation in branch.operations]
-    terms = [  # coefficient, unknown, state; -1 where a factor is left out
+    terms = [  # coefficient, unknown, state; -1 for a factor that is omitted
         [(t.coefficient, *(-1 if f is None else f for f in (t.unknown, t.state))) for t in operation.terms]
         for operation in operations
     ]
@@ -441,7 +449,7 @@ def _from(lengths: Iterable[int]) -> Index:
 
 
 def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index) -> forward.Plan:
-    """Plan of all branches, each beginning and ending at the root."""
+    """Concatenate the plans of all branches, each beginning and ending at the root."""
     steps: list[tuple[int, int, Array]] = []
     for branch, operation, mark in zip(branches, first_operation, first_mark, strict=False):
         steps.append((forward.LEAVE, 0, np.zeros(12)))
@@ -456,13 +464,13 @@ def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index)
 
 
 def _columns(of_branch: Index, index: Index, of_branches: Sequence[Index]) -> Index:
-    """Column (K,) of each term's factor within its branch, -1 where the term has none."""
+    """Return the column (K,) of each term's factor within its branch, -1 for terms without one."""
     places = [{int(i): column for column, i in enumerate(indices)} for indices in of_branches]
     return np.array([places[b].get(int(i), -1) for b, i in zip(of_branch, index, strict=True)], int)
 
 
 def _moves_receiver(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
-    """Whether each receiver depends on the factor in each column, (N, columns)."""
+    """Return whether each receiver depends on the factor in each column, shape (N, columns)."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
     for row, operations in zip(out, upstream, strict=True):
         for o in operations:

@@ -1,11 +1,10 @@
-"""Test whether a hand fits better if a receiver sits elsewhere on its bone: from a moment on, or ever farther
-off.
+"""Test whether a hand fits better if a receiver was displaced on its bone, at once or by sliding.
 
-To first order the answer needs no second fit (Rao's score test): the six numbers of such a displacement are
-six more unknowns of the same least squares, from which the hand's own unknowns, the joint angles and the
-roots are eliminated (`Eliminated`). So the part of a displacement that the fit has already absorbed counts as
-evidence, and what joint angles or neighbours can explain as well does not. Nor does plausible skin motion:
-an offset that belongs to a posture and returns with it, or that fades within seconds.
+Rao's score test answers this to first order without a second fit: the six numbers of a displacement are added
+as unknowns to the least squares, and the hand's unknowns, the joint angles and the roots are eliminated
+(`Eliminated`). A displacement is therefore detected even if the fit has absorbed a part of it, whereas errors
+that joint angles or neighbouring receivers explain equally well are no evidence. Neither is plausible skin
+motion, which is an offset that recurs with a posture or fades within seconds.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -25,44 +24,46 @@ from shukotsu.fit.operations import Index
 from shukotsu.hand.rotations import Array
 
 MOMENTS = 40
-"""Number of moments at which a receiver may have come loose; the exact frame is then searched for."""
+"""Number of moments at which a displacement is tested; the exact frame is searched for afterwards."""
 
-SHORTEST = 2
-"""Intervals between moments that a receiver must have sat in its first and in its second place."""
+SHORTEST_STAY = 2
+"""Least number of intervals between moments for which a receiver stays in place before and after a step."""
 
-SLOWEST = 8
-"""Intervals at least that a receiver slides for; what is faster is a step. Slides begin and end at every
+SHORTEST_SLIDE = 8
+"""Least number of intervals that a slide takes; a faster one is a step. Slides begin and end at every
 SLIDE_GRID-th moment."""
 SLIDE_GRID = 4
 
 MOMENT_GAIN = 1.5
-"""Log likelihood by which a slide, or what comes back, must beat a step: it has one more moment to choose."""
+"""Log likelihood by which a slide or a temporary offset must beat a step, as it has one more free moment."""
 
 NORMAL_SD = (2.5, 3.0)
-"""In units of the sd of a receiver's momentary residuals: half a recording may differ so much from the other
-half without anything being loose, as skin does not quite follow its law and the postures are others."""
+"""Offset between two halves of a recording (position, rotation) that is normal without a loose receiver, in
+units of the sd of the receiver's momentary residuals: skin deviates from its law, and postures differ."""
 
 SKIN_SHARE = 0.5
-"""Sd of what skin does in a posture or for a while, per component, over what half a recording may differ."""
+"""Sd of skin motion that recurs with a posture or fades, per component, over the normal offset of a
+receiver."""
 
 POSTURE_RAD = float(np.radians(25.0))
 """Difference of angles beyond which two postures move skin independently."""
 
 SKIN_WAYS = 16
-"""Components of skin motion that are kept; the others are small."""
+"""Number of principal components of skin motion that are kept; the others are small."""
 
 LAG_FRAMES = 8.0
-"""Evenly spaced frames, about two seconds: the time constant of skin."""
+"""Time constant of skin, in evenly spaced frames; about two seconds."""
 
 DISPLACEMENT_SD = (6.0, float(np.radians(10.0)))
-"""mm and rad per component, of a receiver that came loose."""
+"""Prior sd of the displacement of a loose receiver, mm and rad per component."""
 
 LEAST_GAIN = 5.0
-"""Log likelihood that a loose receiver must explain beyond a normal displacement; 1.5 is the most in
-simulated hands with nothing loose."""
+"""Log likelihood that a loose receiver must explain beyond a normal displacement; the largest value over
+simulated hands without a loose receiver is 1.5."""
 
 MOST_RIVALS, RIVAL_SHARE = 3, 0.4
-"""First-order evidence for a displacement of each receiver."""
+"""Largest number of receivers that compete for a displacement, and the least gain of a rival relative to the
+likeliest: first-order evidence alone does not decide between them."""
 
 DISPLACEMENT_PRECISION = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
@@ -71,7 +72,10 @@ _EDGE_STEPS, _LEAST_MORE = 12, 1e-12
 
 @dataclass(frozen=True)
 class Displacement:
-    """Receiver displaced by step (6,), mm and rad in its own frame, from `start`, or evenly up to `end`."""
+    """A receiver's displacement, at frame `start` or growing evenly from `start` to `end`.
+
+    step : (6,) translation, mm, and rotation vector, rad, in the receiver's frame.
+    """
 
     receiver: int
     start: int
@@ -85,11 +89,11 @@ class Displacement:
 
     @property
     def cost(self) -> float:
-        """Minus its log prior."""
+        """Negative log prior of the displacement, up to a constant."""
         return float(self.step @ DISPLACEMENT_PRECISION @ self.step) / 2
 
     def share(self, n_frames: int) -> Array:
-        """Share of the displacement that is reached in every frame.
+        """Return the share of the displacement that is reached in every frame.
 
         Parameters
         ----------
@@ -108,10 +112,17 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Courses:
-    """Time courses of a displacement: P of them over I intervals between moments.
+    """P possible time courses of a displacement over I intervals between moments.
 
-    share : (P, I) of the displacement in each interval. start, end : (P,) moments between which it grows.
-    returns : (P,) whether the receiver comes back.
+    Attributes
+    ----------
+    share : array, shape (P, I)
+        Share of the displacement in each interval.
+    start, end : array of int, shape (P,)
+        Moments between which it grows; of a temporary offset, its first moment and that after its last.
+    returns : array of bool, shape (P,)
+        Whether the receiver returns to its place.
+
     """
 
     share: Array
@@ -129,8 +140,8 @@ def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
     n_intervals : int
         Number of intervals that the recording is cut into.
     from_start : bool
-        Whether a receiver may have sat elsewhere throughout, as in a recording that its hand was not fitted
-        to.
+        Whether a receiver may be displaced throughout, as is possible in a recording to which the hand was
+        not fitted.
 
     Returns
     -------
@@ -138,13 +149,13 @@ def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
         Every course with the share of the displacement that is reached in each interval.
 
     """
-    last, at = n_intervals - SHORTEST, np.arange(n_intervals)
+    last, at = n_intervals - SHORTEST_STAY, np.arange(n_intervals)
     grid = range(0, n_intervals + 1, SLIDE_GRID)
-    steps = [(k, k) for k in range(SHORTEST, last + 1)]
+    steps = [(k, k) for k in range(SHORTEST_STAY, last + 1)]
     if from_start:
         steps = [(0, 0), *steps]
-    slides = [(a, b) for a in grid for b in grid if b - a >= SLOWEST]
-    spells = [(a, b) for a in range(SHORTEST, last) for b in range(a + 1, last + 1)]
+    slides = [(a, b) for a in grid for b in grid if b - a >= SHORTEST_SLIDE]
+    spells = [(a, b) for a in range(SHORTEST_STAY, last) for b in range(a + 1, last + 1)]
     share = [
         *((at >= a).astype(float) for a, _ in steps),
         *(np.clip((at + 0.5 - a) / (b - a), 0.0, 1.0) for a, b in slides),
@@ -157,12 +168,24 @@ def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """Slope (S, I, 6) and curvature (S, 6 I, 6 I) of the cost by a receiver's displacement in each interval
-    from `cuts` (I,).
+    """Evidence for displacements of S receivers on P time courses over I intervals.
 
-    gain : (S, P) log posterior that the best displacement, step (S, P, 6), adds on each course. abnormal :
-    (S, P) the part of the gain that a normal displacement does not reach, 0 where the whole gain is at most
-    `LEAST_GAIN`. Both are 0 for receivers that are not tested.
+    Attributes
+    ----------
+    cuts : array of int, shape (I,)
+        Frame at which each interval begins.
+    slope, curvature : array, shape (S, I, 6) and (S, 6 I, 6 I)
+        Derivatives of the cost by a receiver's displacement in each interval.
+    step : array, shape (S, P, 6)
+        Best displacement on each course, mm and rad.
+    gain : array, shape (S, P)
+        Log posterior that it adds; 0 for receivers that were not tested.
+    abnormal : array, shape (S, P)
+        Part of the gain that no normal displacement explains; 0 for receivers that were not tested, and where
+        the whole gain is at most `LEAST_GAIN`.
+    ways : Courses
+        The time courses.
+
     """
 
     cuts: Index
@@ -188,13 +211,13 @@ class ScoreTest:
         Parameters
         ----------
         problem, point
-            What was solved, and where.
+            Problem as solved, and its solution.
         normal : array, shape (S, 2)
-            Offset in mm and rad below which a receiver does not count as displaced.
+            Offset below which a receiver is not regarded as displaced, mm and rad.
         receivers : sequence of int
-            Numbers of those tested.
+            Indices of the receivers to test.
         from_start : bool
-            Whether a receiver may have sat elsewhere throughout the recording.
+            Whether a receiver may be displaced throughout the recording.
 
         """
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
@@ -221,7 +244,7 @@ class ScoreTest:
         return cls(cuts, slope, curvature, step, gain, abnormal, ways)
 
     def most_abnormal(self) -> float:
-        """Log likelihood that the most abnormal displacement explains beyond a normal one, or 0."""
+        """Return the log likelihood that the most abnormal displacement explains beyond a normal one."""
         return float(self._odds(None)[1].max(initial=0.0))
 
     def likeliest(self, receiver: int | None = None) -> Displacement | None:
@@ -230,12 +253,12 @@ class ScoreTest:
         Parameters
         ----------
         receiver : int, optional
-            The only receiver to look at; all of them if omitted.
+            Receiver to consider; all of them if omitted.
 
         Returns
         -------
         Displacement or None
-            None where none is abnormal.
+            None if no displacement is abnormal.
 
         """
         best, odds = self._odds(receiver)
@@ -247,10 +270,11 @@ class ScoreTest:
         return self._displacement(int(best[p]), p)
 
     def _odds(self, receiver: int | None) -> tuple[Index, Array]:
-        """The likeliest receiver (P,) on each course, or the one given, and how abnormal (P,) it would be.
+        """Return a receiver (P,) for each course, and how abnormal (P,) its displacement would be.
 
-        On each course only the receiver whose displacement explains most is a candidate, as neighbours may
-        explain the others. Reversible offsets count as skin motion and are no candidates.
+        Unless `receiver` is specified, it is the one whose displacement explains most on the course, as it
+        may also explain the residuals of its neighbours. Temporary offsets are taken as skin motion and have
+        0.
         """
         ways = self.ways
         every = np.arange(len(ways.start))
@@ -266,11 +290,11 @@ class ScoreTest:
         return Displacement(receiver, int(start), int(end), self.step[receiver, course])
 
     def rivals(self) -> list[Displacement]:
-        """The likeliest displacement, the same receiver's if it came loose at once rather than slid or the
-        other way round, and those of other receivers on the same course that explain nearly as much.
+        """Return the likeliest displacement and its alternatives that explain nearly as much.
 
-        Only fits that include them can decide between these: to first order, a turned receiver on the middle
-        of a finger looks much like one on its tip that slid.
+        Alternatives are other receivers on the same course, and the same receiver sliding instead of coming
+        loose at once or vice versa. Only fits that include them can decide: to first order, a turned receiver
+        on the middle of a finger looks much like one on its tip that slid.
         """
         first = self.likeliest()
         if first is None:
@@ -291,7 +315,7 @@ class ScoreTest:
         return int(np.flatnonzero((ways.start == start) & (ways.end == end) & ~ways.returns)[0])
 
     def refined(self, displaced: Displacement) -> Displacement:
-        """A displacement that frames were already corrected for, with its most likely extent."""
+        """Re-estimate the extent of a displacement for which the frames were already corrected."""
         way = self.ways.share[[self._course(displaced)]]
         s = displaced.receiver
         slope, curvature = _on_courses(self.slope[s], self.curvature[s], way)
@@ -302,11 +326,11 @@ class ScoreTest:
 
 
 def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -> Array:
-    """Principal components (F, n, R, 6) of skin motion of a branch's n receivers, scaled to unit variance.
+    """Return R principal components of skin motion of a branch's n receivers, shape (F, n, R, 6).
 
-    sd : (S, 2) of all components together, mm and rad. Half of the variance belongs to the posture and
-    returns with it, half fades with time. The posture of a digit is its joint angles, that of the palm the
-    angles at the digits' bases.
+    sd : (S, 2) of all components together, mm and rad. Half of the variance depends on the posture and recurs
+    with it, half fades with time. The posture of a digit is its joint angles, that of the palm the angles at
+    the digits' bases.
     """
     states = next(
         branch.states
@@ -326,8 +350,10 @@ def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -
 def _by_interval(
     left: Eliminated, branch: EliminatedBranch, skin: Array, cuts: Index
 ) -> dict[int, tuple[Array, Array]]:
-    """Slope (I, 6) and curvature (6 I, 6 I) by a displacement of each receiver of a branch in each interval,
-    when skin (F, n, R, 6) may take any part of it, and the hand's unknowns theirs.
+    """Return the slope (I, 6) and curvature (6 I, 6 I) of the cost by displacements in each interval.
+
+    The result has an entry for each receiver of the branch. Skin motion, a combination of the components skin
+    (F, n, R, 6), and the hand's unknowns are eliminated, so that they may explain a part.
     """
     n_frames, n, n_ways, _ = skin.shape
     n_skin, shape = 6 * n * n_ways, (n_frames, n, 6)
@@ -358,7 +384,7 @@ def _by_interval(
 
 
 def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Array]:
-    """Slope (P, 6) and curvature (P, 6, 6) by a displacement that goes its share (P, I) in each interval."""
+    """Return slope (P, 6) and curvature (P, 6, 6) by displacements with shares (P, I) in the intervals."""
     n = share.shape[1]
     once = share @ curvature.reshape(n, -1)
     blocks = once.reshape(len(share), 6, n, 6)
@@ -366,10 +392,10 @@ def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Ar
 
 
 def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
-    """Compute the most that a step within an ellipsoid gains.
+    """Compute the largest gain of a step within an ellipsoid.
 
-    Trust region, by Newton's steps on 1 / |z| from where one component alone is at the edge (More & Sorensen
-    1983, SIAM J Sci Stat Comput 4:553): they never go too far.
+    The trust-region problem is solved by Newton steps on 1 / |z| (More & Sorensen 1983, SIAM J Sci Stat
+    Comput 4:553). They start where one component alone reaches the edge and therefore never overshoot.
 
     Parameters
     ----------
@@ -378,7 +404,7 @@ def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
     slope : array, shape (K, 6)
         Gain per step at its centre.
     curvature : array, shape (K, 6, 6)
-        By how much the slope falls per step.
+        Decrease of that slope per step.
 
     Returns
     -------
@@ -403,9 +429,17 @@ def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
 class EliminatedBranch:
     """Cost to second order in displacements of a branch's n receivers in their own frames, m = 6 n.
 
-    receivers : their numbers. slope (F, m), curvature (F, m, m) : of the cost in each frame, with its states
-    and root eliminated; by_x (F, m, G) : mixed derivatives by displacements and the hand's unknowns. root
-    (F, m, 6) : the curvature that the root has absorbed is root @ root^T, already subtracted.
+    Attributes
+    ----------
+    receivers : tuple of int
+        Indices of the receivers.
+    slope, curvature : array, shape (F, m) and (F, m, m)
+        Derivatives of the cost in each frame, with its states and root eliminated.
+    by_x : array, shape (F, m, G)
+        Mixed derivatives by displacements and the hand's unknowns.
+    root : array, shape (F, m, 6)
+        Factor of root @ root^T, the curvature that the root absorbs and that is already subtracted.
+
     """
 
     receivers: tuple[int, ...]
@@ -417,7 +451,7 @@ class EliminatedBranch:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Every branch at a point; covariance (G, G) of the unknowns, gradient (G,) of the cost by them."""
+    """All branches at a point, the covariance (G, G) of the unknowns and the gradient (G,) of the cost."""
 
     branches: tuple[EliminatedBranch, ...]
     covariance: Array
@@ -430,14 +464,14 @@ class Eliminated:
         Parameters
         ----------
         problem : Problem
-            What is fitted to what.
+            Chains, measured frames and priors.
         point : Point
-            Where it is linearised.
+            Point at which it is linearised.
 
         Returns
         -------
         Eliminated
-            Weighted residuals of every branch, and what is left of them when all unknowns follow.
+            Derivatives of the cost by displacements of every branch's receivers.
 
         """
         steps, branches = reduce(problem, point), []
@@ -462,8 +496,9 @@ class Eliminated:
 
 
 def _left(reduced: Reduced, index: int, jacobian: Jacobian) -> tuple[Array, Array, Array, Array]:
-    """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
-    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6).
+    """Return a branch's residuals (F, m) with states and roots eliminated, and their derivatives.
+
+    The derivatives are by states (F, m, s) and by roots (F, m, 6), both orthonormalised, and by x (F, m, G).
     """
     gone = reduced.eliminated[index]
     states = jacobian.by_states @ gone.inverse.swapaxes(-1, -2)

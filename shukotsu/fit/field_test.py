@@ -1,9 +1,10 @@
-"""Test whether a hand fits better if the field is disturbed: an error that all receivers share at a place.
+"""Test whether a hand fits better if the field is disturbed, so that receivers have errors that depend on
+place.
 
-Beside a steel plate the error of a receiver depends on its position alone, so that all receivers must show
-the same error at the same place. The error grows towards a source beside the hand, whose
-place is looked for; its six amounts are tested to first order as displacements of receivers are
-(`displacement_test`).
+Beside a steel plate the error of a receiver depends on its position alone, so that all receivers show the
+same error at the same place. The error is modelled as growing towards a source beside the hand. Many
+positions of the source are tried, and the six components of the error are tested to first order, like
+displacements of receivers (`displacement_test`).
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -27,25 +28,26 @@ POWER = 3.0
 """Exponent with which the field falls with the distance from its source."""
 
 ROOM_REACH_MM, ROOM_SD = 200.0, (0.9, float(np.radians(1.8)))
-"""Any room's own field changes over so much, and by so many mm and rad per component: half as much again as
-the 3 mm a metre and 0.3 deg for 50 mm of an ordinary laboratory."""
+"""Distance over which an ordinary room's field changes, and the sd of its errors, mm and rad per component:
+1.5 times the 3 mm per metre and 0.3 deg per 50 mm of an ordinary laboratory."""
 
 MOST_SITES = 30
-"""Half of that reach apart, at which it may differ: more are no place where a hand moves."""
+"""Largest number of sites, half of that distance apart, at which the room's field may differ; a hand does not
+move through more."""
 
 USUAL = (1.0, float(np.radians(1.5)))
-"""mm and rad beside a source below which a disturbance is ignored."""
+"""Error beside a source, mm and rad, below which a disturbance is ignored."""
 
 DISTURBED_SD = (4.0, float(np.radians(4.0)))
-"""The same per component beside steel."""
+"""Prior sd of the error beside steel, mm and rad per component."""
 
 GROSS = (15.0, float(np.radians(15.0)))
-"""mm and rad beyond which a residual cannot be due to metal, as the hand is posed to receivers that are off
-too."""
+"""Residual, mm and rad, that is too large to be due to metal, as the disturbed receivers also move the pose
+to which it refers."""
 
 LEAST_FIELD_GAIN = 12.0
-"""Log likelihood that metal must explain beyond what any room has: on simulated hands 6 is the most without
-metal, 11 with two or three times the usual skin artefact."""
+"""Log likelihood that metal must explain beyond an ordinary room's field. In simulated hands without metal it
+is 6 at most, and 11 with two or three times the usual skin artefact."""
 
 _PRIOR = np.diag(np.repeat(DISTURBED_SD, 3) ** -2.0)
 
@@ -70,12 +72,12 @@ class Disturbance:
     error: Array
 
     def at(self, position_mm: Array) -> Array:
-        """Error of receivers at some places.
+        """Return the error of receivers at some positions.
 
         Parameters
         ----------
         position_mm : array, shape (..., 3)
-            In the transmitter frame.
+            Positions in the transmitter frame.
 
         Returns
         -------
@@ -86,17 +88,17 @@ class Disturbance:
         return np.asarray(self.share(position_mm)[..., None] * self.error)
 
     def share(self, position_mm: Array) -> Array:
-        """Share of `error` that receivers have at some places; it falls with the distance from the metal.
+        """Return the share of `error` that receivers have at some positions; it falls with their distance.
 
         Parameters
         ----------
         position_mm : array, shape (..., 3)
-            In the transmitter frame.
+            Positions in the transmitter frame.
 
         Returns
         -------
         array, shape (...)
-            1 at the nearest receiver and nearer.
+            1 at the distance of the nearest receiver and below.
 
         """
         away = np.linalg.norm(position_mm - self.source, axis=-1)
@@ -105,11 +107,12 @@ class Disturbance:
 
 
 SAME = 1e-4
-"""mm, and elements of a rotation, by which a pose that is computed scatters at most, and no measured one."""
+"""Largest scatter, in mm and in elements of the rotation matrix, of a pose that was computed to be constant;
+measured poses scatter more."""
 
 
 def fields(places: Array) -> list[Disturbance]:
-    """List sources that may disturb the field, all round the places where receivers were.
+    """List possible sources of a disturbance in all directions around the positions of the receivers.
 
     Parameters
     ----------
@@ -119,7 +122,7 @@ def fields(places: Array) -> list[Disturbance]:
     Returns
     -------
     list of Disturbance
-        Each with an error of zero.
+        Sources with an error of zero.
 
     """
     directions = unit(np.array([n for n in product((-1.0, 0.0, 1.0), repeat=3) if any(n)]))
@@ -137,15 +140,15 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
     Parameters
     ----------
     problem, point
-        What was solved, and where.
+        Problem as solved, and its solution.
 
     Returns
     -------
     disturbance : Disturbance
-        Its source, and its error where a receiver came nearest.
+        Its source, and its error at the nearest receiver position.
     gain : float
-        Log likelihood that it explains beyond an ordinary room's field; 0 for poses relative to one of the
-        receivers, which hold no position in the room.
+        Log likelihood that it explains beyond an ordinary room's field; 0 if poses are relative to one of the
+        receivers, so that positions in the room are unknown.
 
     """
     if _is_relative(problem.frames):
@@ -153,7 +156,7 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
     valid = problem.frames.valid.copy()
     for s, r in problem.residuals_of(residuals(problem, point)):
         off = np.linalg.norm(r.reshape(-1, 2, 3), axis=-1) * problem.sd[s]
-        valid[:, s] &= (off <= GROSS).all(1)  # otherwise a hemisphere error, or a spike
+        valid[:, s] &= (off <= GROSS).all(1)  # larger residuals are hemisphere errors or spikes
     frames = replace(problem.frames, valid=valid)
     problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])
@@ -174,14 +177,14 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
 
 
 def _is_relative(frames: Frames) -> bool:
-    """Whether a receiver has an identical pose in all frames, which no tracker measures."""
+    """Return whether a receiver has an identical pose in all frames, which no tracker measures."""
     poses = np.concatenate([frames.position_mm[..., None], frames.rotation], -1)  # (F, S, 3, 4)
     spreads = [np.ptp(poses[seen, s], axis=0).max() for s, seen in enumerate(frames.valid.T) if seen.any()]
     return bool(min(spreads, default=np.inf) < SAME)
 
 
 def _room(frames: Frames) -> Array:
-    """Basis functions (F, S, B) of an ordinary room's field at the receivers, each with unit variance."""
+    """Return B basis functions of an ordinary room's field at the receivers, (F, S, B), of unit variance."""
     places = frames.position_mm[frames.valid]
     sites = [places[np.argmax(((places - places.mean(0)) ** 2).sum(1))]]
     distance = ((places - sites[0]) ** 2).sum(1)
@@ -197,8 +200,10 @@ def _room(frames: Frames) -> Array:
 
 
 def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Array]:
-    """Slope (6 K,) and curvature (6 K, 6 K) of the cost by the amounts, mm and rad in the transmitter's axes,
-    of K errors of which each receiver has its share (F, S, K) in each frame.
+    """Return the slope (6 K,) and curvature (6 K, 6 K) of the cost by the size of K errors.
+
+    Errors are in mm and rad in the transmitter's axes; share : (F, S, K) of each that a receiver has in a
+    frame.
     """
     left, frames = Eliminated.of(problem, point), problem.frames
     n_frames, n_errors = len(share), share.shape[-1]
@@ -210,7 +215,7 @@ def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Ar
         of_each = share[:, receivers]  # (F, n, K)
 
         def turned(values: Array, receivers: list[int] = receivers) -> Array:
-            """What is by displacements (F, 6 n, ...) by the transmitter's axes, (F, n, 6, ...)."""
+            """Convert derivatives by displacements (F, 6 n, ...) to the transmitter's axes (F, n, 6, ...)."""
             halves = values.reshape(n_frames, len(receivers), 2, 3, -1)
             there = frames.rotation[:, receivers, None] @ halves
             return np.asarray(there.reshape(n_frames, len(receivers), 6, *values.shape[2:]))

@@ -1,10 +1,10 @@
 """Locate the fingertips of a fitted hand in the frames of its distal receivers: bone, soft tip and
 pad.
 
-The fit knows where the last bone of a digit ends. What touches is skin: the soft tip beyond that end, or the
-pad under it. Each is off the end of the bone by an offset that no recording of receivers shows. Its mean and
-sd are those of the population until a touch informs it (`touching`); offsets and the unknowns of the hand
-then have a joint covariance.
+The fit locates the end of a digit's last bone. Contact is made by skin, which is the soft tip beyond that end
+or the pad below it. The offset of either from the end of the bone is not shown by any recording of receivers.
+Its mean and sd are those of the population until a touch informs it (`touches`); offsets and the unknowns of
+the hand then have a joint covariance.
 
 On paper: docs/whole-hand.md, section 7.
 """
@@ -34,25 +34,26 @@ BONE, TIP, PAD = "bone", "tip", "pad"
 SOFT_PARTS = (TIP, PAD)
 
 TIP_SD_MM = (0.6, 0.5, 0.5)
-"""Sd of the soft tip about the end of the bone, along, across and in height: Buryanov & Kotiuk 2010 have 0.59
-to 0.62 mm along; across, whoever touches with the end of a finger meets its middle line by eye (our
-choice)."""
+"""Sd of the soft tip relative to the end of the bone: along (0.59 to 0.62 mm, Buryanov & Kotiuk 2010), across
+and in height (our choice; people touch with the middle of the fingertip as they see it)."""
 
 PAD_DEPTH_MM: Mapping[str, float] = {"thumb": 7.5}
 OTHER_PAD_DEPTH_MM = 6.5
-"""Depth of the pad's skin under the bone's long axis: half of a finger's end, which is 10 to 16 mm thick."""
+"""Depth of the pad's skin below the bone's long axis, for the digits listed and for all others: half the
+thickness of a fingertip, which is 10 to 16 mm."""
 
 PAD_SHARE = 0.25
-"""Share of the last bone's length beyond the pad: pulps meet under the bone's broad end (our choice)."""
+"""Distance of the pad from the end of the last bone, as a share of the bone's length: pulps meet below its
+broad end (our choice)."""
 
 PAD_SD_MM = (2.0, 1.0, 1.0)
-"""Sd of the pad's place along, across and in depth: 5 to 8 mm deep, and one pinches more with the end of the
-finger than another (our choice)."""
+"""Sd of the pad's position along, across and in depth: pads are 5 to 8 mm deep, and people differ in how
+close to the end of the finger they pinch (our choice)."""
 
 
 @dataclass(frozen=True)
 class Fingertip:
-    """The last bone's end, the digit's, its pad: (3,) mm in the receiver's frame, with covariances."""
+    """End of a digit's last bone, its soft tip and pad, (3,) mm in the receiver's frame, with covariances."""
 
     receiver: str
     point_mm: Array
@@ -67,9 +68,20 @@ class Fingertip:
 class Fingertips:
     """The fingertips of a hand, with the fit that they were computed from.
 
-    offsets_mm : (D, 2, 3) of soft tip and pad from the bone's end, in the bone's frame of a right hand, in
-    the order of digits. covariance : (G + 6 D, G + 6 D) of unknowns and offsets. refused : touches left out,
-    and why.
+    Attributes
+    ----------
+    fit : HandFit
+        The hand.
+    offsets_mm : array, shape (D, 2, 3)
+        Soft tip and pad relative to the bone's end, in the bone's frame of a right hand, in the order of
+        digits.
+    covariance : array, shape (G + 6 D, G + 6 D)
+        Joint covariance of unknowns and offsets.
+    digits : mapping of str to Fingertip
+        Fingertip of each digit.
+    refused : tuple of str
+        Touches that were left out, and why.
+
     """
 
     fit: HandFit
@@ -80,17 +92,17 @@ class Fingertips:
 
     @cached_property
     def root(self) -> Array:
-        """A square root of the covariance."""
+        """Square root of the covariance."""
         return square_root(self.covariance)
 
     def __getitem__(self, digit: str) -> Fingertip:
-        """The fingertip of one digit; InputError where it has none."""
+        """Return the fingertip of a digit; raise InputError if it has none."""
         if digit not in self.digits:
             raise InputError(f"digit {digit!r} has no fingertip; expected one of {', '.join(self.digits)}")
         return self.digits[digit]
 
     def in_transmitter(self, poses: Poses, part: str = BONE) -> Array:
-        """Positions of the digits' ends as the distal receivers carry them.
+        """Return the positions of the digits' ends as the distal receivers carry them.
 
         Parameters
         ----------
@@ -102,7 +114,7 @@ class Fingertips:
         Returns
         -------
         array, shape (T, D, 3)
-            In the transmitter frame, mm; NaN where the receiver is not valid.
+            Positions in the transmitter frame, mm; NaN if the receiver is not valid.
 
         """
         out = np.full((len(poses.frame), len(self.digits), 3), np.nan)
@@ -120,7 +132,7 @@ def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
     Parameters
     ----------
     covariance : array, shape (n, n)
-        Symmetric; eigenvalues below zero, which are rounding errors, count as zero.
+        Symmetric; negative eigenvalues, which are rounding errors, are set to zero.
 
     Returns
     -------
@@ -133,7 +145,7 @@ def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 
 def fingertips(fit: HandFit) -> Fingertips:
-    """Locate a hand's fingertips by the fit and the population's soft parts, before any touch (section 7).
+    """Locate a hand's fingertips by the fit and average offsets of soft parts, before any touch (section 7).
 
     Parameters
     ----------
@@ -164,16 +176,16 @@ def fingertips_of(
     fit : HandFit
         The hand.
     offsets_mm : array, shape (D, 2, 3)
-        Soft tip and pad from the bone's end, in the bone's frame of a right hand.
+        Soft tip and pad relative to the bone's end, in the bone's frame of a right hand.
     covariance : array, shape (G + 6 D, G + 6 D)
-        Of unknowns and offsets together.
+        Joint covariance of unknowns and offsets.
     refused : tuple of str
         Touches left out, and why.
 
     Returns
     -------
     Fingertips
-        In the order of the layout's digits.
+        Fingertips in the order of the layout's digits.
 
     """
     seen = seen_parts(fit, fit.posterior.x, offsets_mm)
@@ -188,7 +200,7 @@ def fingertips_of(
 
 
 def tipped_digits(fit: SolvedFit) -> list[Digit]:
-    """Digits of known anatomy whose last bone carries a receiver."""
+    """List the digits of known anatomy whose last bone carries a receiver."""
     return [d for d in known_digits(fit.layout) if d.tip in fit.model.receivers]
 
 
@@ -202,7 +214,7 @@ def seen_parts(fit: SolvedFit, x: Array, offsets_mm: Array) -> dict[tuple[str, s
     x : array, shape (G,)
         Unknowns, which may differ from the fit's.
     offsets_mm : array, shape (D, 2, 3)
-        Soft tips and pads from the bones' ends.
+        Soft tips and pads relative to the bones' ends.
 
     Returns
     -------
@@ -234,7 +246,7 @@ def seen_parts(fit: SolvedFit, x: Array, offsets_mm: Array) -> dict[tuple[str, s
 
 
 def _average_offsets_mm(fit: HandFit) -> Array:
-    """Offsets (D, 2, 3) of soft tips and pads in a hand of this size."""
+    """Return average offsets (D, 2, 3) of soft tips and pads in a hand of this size, mm."""
     average = {
         segment: float(length)
         for digit in known_digits(fit.layout)

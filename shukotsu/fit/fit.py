@@ -1,9 +1,10 @@
-"""A whole hand fitted to its calibration recordings: maximum a posteriori, with Laplace's covariance.
+"""Maximum a posteriori fit of a whole hand to its calibration recordings, with Laplace's covariance.
 
-How large residuals, misplacements and skin motion are in this hand are scales of the priors, from the data:
-each makes the unknowns of its group as large as its prior says, as far as the data determine them (the fixed
-point of the evidence; MacKay 1992). Scales are weakly regularised towards published values, so
-that a hand whose skin hardly moves, or a tracker with hardly any noise, is recognised as such.
+The sizes of residuals, misplacements and skin motion in this hand are scales of the priors that are estimated
+from the data. A scale is such that the unknowns of its group are as large as their prior says, as far as the
+data determine them (fixed point of the evidence; MacKay 1992). Scales are weakly regularised towards
+published values, so that a hand whose skin hardly moves, or a tracker with hardly any noise, is recognised as
+such.
 
 On paper: docs/whole-hand.md, sections 5 and 7.
 """
@@ -55,18 +56,19 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
 
 PSEUDO_UNKNOWNS = 2.0
 PSEUDO_RESIDUALS = 0.2
-"""Weight of the published scale, as a number of known unknowns and of residuals. Two
-unknowns are what a scale has whose logarithm differs by a half between people."""
+"""Weight of the published scales, in equivalent numbers of determined unknowns and of residuals. Two unknowns
+correspond to a scale whose logarithm has an sd of a half between people."""
 
 LEAST_SAMPLES = 5.0
 _LEAST_SEEN, _NO_MOTION = 5, 1e-12
 
 PSEUDO_TURNS = 100.0
-"""Weight of a receiver's residual in position in that of its rotation, as of so many residuals: both grow
-together, and joints that turn about three axes leave next to nothing of a rotation unexplained."""
+"""Weight with which the scale of a receiver's position residuals enters that of its rotation residuals, in
+equivalent residuals: both grow together, and joints with three axes leave hardly any rotation unexplained."""
 
 SD_LIMITS = (0.02, 6.0)
-"""Limits of a receiver's residual sd over the published one: 0.01 mm is less than any tracker's noise."""
+"""Limits of a receiver's residual sd relative to the published one; the lower one, 0.01 mm, is less than any
+tracker's noise."""
 
 
 def prior_precision(
@@ -82,16 +84,16 @@ def prior_precision(
     groups : sequence of str
         Group of each unknown.
     x : array, shape (G,)
-        Unknowns as solved, in units of their published sd.
+        Solution, in units of the published sd.
     covariance : array, shape (G, G)
-        Their covariance.
+        Covariance of x.
     before : array, shape (G,)
-        Precision that they were solved with.
+        Prior precision with which x was solved.
 
     Returns
     -------
     array, shape (G,)
-        Precision of each unknown's prior; 1 as published, and for groups of no family.
+        Precision of each unknown's prior; 1 is the published value, which groups outside FAMILIES keep.
 
     """
     group = np.array(groups)
@@ -111,9 +113,9 @@ def independent_samples(problem: Problem, current: Residuals) -> float:
     Parameters
     ----------
     problem : Problem
-        Of evenly spaced frames in order of time.
+        Problem with evenly spaced frames in order of time.
     current : Residuals
-        Where they are posed.
+        Residuals of these frames once they are posed.
 
     Returns
     -------
@@ -136,25 +138,26 @@ def residual_sd(
 ) -> Array:
     """Estimate the sd of every receiver's residuals (docs/whole-hand.md, section 5).
 
-    Squares are divided by the degrees of freedom that the frame's states and root leave, one minus leverage.
+    The sum of squares is divided by the degrees of freedom left by the frames' states and roots, which are
+    one minus leverage for each residual.
 
     Parameters
     ----------
     problem : Problem
-        What was solved.
+        Problem as solved.
     current : Residuals
-        At the solution.
+        Residuals at the solution.
     jacobians : sequence of Jacobian
-        Of every branch there.
+        Derivatives of every branch at the solution.
     reduced : Reduced
-        Normal equations there, undamped.
+        Normal equations at the solution, undamped.
     published : array, shape (S, 2)
         Published sd, mm and rad.
 
     Returns
     -------
     array, shape (S, 2)
-        mm and rad per component; the published ones of receivers that were never seen.
+        Sd, mm and rad per component; the published sd for receivers that were never valid.
 
     """
     out = published.copy()
@@ -180,19 +183,22 @@ def residual_sd(
 
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
-"""Sd of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its
-states do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 mm and 0.3 to 0.45
-deg)."""
+"""Published sd of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin
+motion that does not follow the joint angles (even two LIBERTY sensors on a rigid bar differ by 0.3 to 0.55 mm
+and 0.3 to 0.45 deg)."""
 
 INDEPENDENT_SAMPLES = 30.0
-"""In a calibration of half a minute; skin wanders for about half a second."""
+"""Number of independent samples assumed at first: a calibration of half a minute, in which skin motion is
+correlated over about half a second."""
 
 LEAST_CANDIDATES = 0.5
-"""Share of the frames with half of the receivers that are looked at, those with most of them: few would be of
-few moments where receivers drop out in turn, and show few postures."""
+"""Least share of the frames (of those in which half of the receivers are valid) among which frames are
+chosen, those with most receivers first. A smaller share would cover few moments and postures if receivers
+drop out in turn."""
 
 LEAST_LEFT, MOST_WHOLE = 0.25, 0.9
-"""Shares of the frames between which a receiver is lost for good: then those before are fitted."""
+"""A receiver that is lost for good after a share of the frames between these limits ends the part that is
+fitted: only frames before its loss are used."""
 
 EVEN_FRAMES = 300
 """Number of evenly spaced frames from which the autocorrelation of residuals is estimated."""
@@ -208,7 +214,7 @@ NO_PRECISION = 1e-9
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Number of frames fitted, most steps of a solution, and rounds in which scales are estimated."""
+    """Numbers of frames to fit, of steps per solution at most, and of rounds that estimate the scales."""
 
     n_frames: int = 100
     most_steps: int = 25
@@ -217,18 +223,21 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class HandFit(SolvedFit):
-    """A fitted hand. residual_rms : of every receiver, mm and deg per component; NaN if it was never seen."""
+    """A fitted hand.
+
+    residual_rms : root mean square residual of every receiver, mm and deg per component; NaN if never valid.
+    """
 
     residual_rms: Mapping[str, tuple[float, float]]
 
     @cached_property
     def summary(self) -> HandSummary:
-        """Joints between receivers and beside them, and the angles' axes."""
+        """Centres of all joints, and zero and axes of their angles."""
         return summarise(self)
 
     @property
     def joints(self) -> Mapping[str, FittedJoint]:
-        """Every joint between two receivers, by name."""
+        """Joints between two receivers, by name."""
         return self.summary.joints
 
     @cached_property
@@ -239,7 +248,7 @@ class HandFit(SolvedFit):
 
     @property
     def side(self) -> str:
-        """Whether the hand is right or left."""
+        """Side of the hand, right or left."""
         return "left" if self.convention.left else "right"
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
@@ -276,15 +285,16 @@ def fit_hand(
     Parameters
     ----------
     recordings : sequence of Poses
-        Of the same receivers, each in its own transmitter frame. A receiver that is never valid is ignored.
+        Recordings of the same receivers, each in its transmitter frame. A receiver that is never valid is
+        ignored.
     layout : Layout
         Segments, joints and digits; digits of known anatomy have a prior.
     hand : str
         right or left.
     hand_length_mm, hand_breadth_mm : float, optional
-        From the wrist crease to the middle finger's tip, and across the knuckles.
+        Length from the wrist crease to the middle finger's tip, and breadth across the knuckles.
     measurements : sequence of Measurement
-        Taken on the hand itself.
+        Lengths measured on the hand.
     settings : FitSettings, optional
         Number of frames and rounds.
 
@@ -297,12 +307,12 @@ def fit_hand(
     Raises
     ------
     InputError
-        Where fewer than two frames have half of the receivers, or a measurement names an unknown quantity.
+        If fewer than two frames have half of the receivers, or a measurement names an unknown quantity.
 
     """
     settings = settings or FitSettings()
     worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
-    worn |= {*layout.expected}  # an optional receiver counts only where it was worn
+    worn |= {*layout.expected}  # optional receivers are included only if they were worn
     root = root_of(layout)
     receivers = [root, *(name for name in layout.measured if name != root and name in worn)]
     convention = Convention.of(layout, receivers, hand)
@@ -353,7 +363,7 @@ def _model(
 
 
 def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Mapping[str, DigitAnatomy]:
-    """Return the digits' anatomy; the receiver shows which way the thumb's metacarpal faces."""
+    """Return the digits' anatomy, with the thumb's metacarpal facing as its receiver shows."""
     thumb = next((digit for digit in known_digits(layout) if digit.name == "thumb"), None)
     if thumb is None or not set(thumb.segments[:2]) <= set(receivers):
         return DIGITS
@@ -395,7 +405,7 @@ def _solve_scales(
         step = max(1, len(everything.valid) // EVEN_FRAMES)
         even = replace(problem, frames=everything.take(slice(None, None, step)))
         posed = pose(even, first_guess(even, model, solution.point.x), _POSING_STEPS)
-        samples = independent_samples(even, residuals(even, posed))  # from how residuals wander
+        samples = independent_samples(even, residuals(even, posed))
         problem = replace(problem, temper=min(1.0, samples / len(problem.frames.valid)))
     for close in closeness[1:]:
         point, steps = solution.point, reduce(problem, solution.point)
@@ -412,7 +422,7 @@ def _solve_scales(
 def _choose_frames(
     frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int
 ) -> tuple[Frames, Array]:
-    """Choose frames to fit; return them and the share (F,) of the recording that each stands for."""
+    """Choose frames to fit; return them and the share (F,) of the recording that each represents."""
     worn = int(frames.valid.any(0).sum())
     count = frames.valid.sum(1)
     enough = int(LEAST_CANDIDATES * (count >= max(2, worn / 2)).sum())
@@ -434,7 +444,7 @@ def _choose_frames(
 
 
 def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
-    """Return every receiver's root mean square residual, mm and deg per component; NaN if it was not seen."""
+    """Return every receiver's root mean square residual, mm and deg per component; NaN if never valid."""
     rms = {}
     for s, r in problem.residuals_of(solution.residuals):
         seen = r[problem.frames.valid[:, s]].reshape(-1, 2, 3)
@@ -446,18 +456,18 @@ def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dic
 def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, HandFit]:
     """Condition the fits of a person's two hands on each other's bone lengths (section 7).
 
-    Bones are equally long left and right, but for SIDE_SD. Both posteriors are normal (Laplace) and lengths
-    are linear in the unknowns, so that conditioning on the difference equals one fit of both hands.
+    Left and right bones are equally long up to SIDE_SD. Both posteriors are normal (Laplace) and lengths are
+    linear in the unknowns, so that conditioning on the difference is equivalent to one fit of both hands.
 
     Parameters
     ----------
     first_fit, second_fit : HandFit
-        Of one person's right and left hand.
+        The two hands of one person.
 
     Returns
     -------
     tuple of HandFit
-        In the same order, with the posteriors conditioned.
+        The hands in the same order, with conditioned posteriors.
 
     """
     bones = [name for name in first_fit.bones if name in second_fit.bones]
@@ -479,26 +489,27 @@ def _lengths(fit: SolvedFit, bones: list[str]) -> tuple[Array, Array, Array]:
     """Return lengths (B,), mm, their covariance with the unknowns (B, G) and with each other (B, B)."""
     posterior, amounts = fit.posterior, [fit.model.length[name] for name in bones]
     rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
-    rows[:, np.array(fit.model.unknowns.groups) == UNMODELLED] = 0.0  # which both hands are off by alike
+    rows[:, np.array(fit.model.unknowns.groups) == UNMODELLED] = 0.0  # this error is the same in both hands
     lengths = np.array([amount.constant for amount in amounts]) + rows @ posterior.x
     with_unknowns = rows @ posterior.covariance
     return lengths, with_unknowns, with_unknowns @ rows.T
 
 
 def without_noise_bias(problem: Problem, point: Point) -> Point:
-    """Correct a hand for the bias that noise causes where bones have no receiver (section 5, last item).
+    """Correct a hand for the bias that noise causes if bones have no receiver (section 5, last item).
 
-    The mode over the hand and the angles of all frames is too large: noise looks like motion, and with longer
-    bones smaller angles, which are likelier, explain the same motion (Neyman & Scott 1948). The bias is
-    estimated by a parametric bootstrap (Efron 1979): poses are simulated from the fitted hand with noise of
-    the residuals' sd and with its negative, so that odd orders cancel, and fitted with the hand as the prior.
+    The mode over the hand and the angles of all frames is a hand that is too large: noise looks like motion,
+    and longer bones explain the same motion with smaller angles, which are likelier (Neyman & Scott 1948).
+    The bias is estimated by a parametric bootstrap (Efron 1979): poses are simulated from the fitted hand
+    with noise of the residuals' sd and with its negative, so that odd orders cancel, and fitted with the hand
+    as the prior.
 
     Parameters
     ----------
     problem : Problem
-        What was solved.
+        Problem as solved.
     point : Point
-        The solution.
+        Solution.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Any recording posed with a fitted hand: joint angles, every bone, every fingertip.
+"""Pose a fitted hand in the frames of any recording: joint angles, bones and receivers.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -25,17 +25,34 @@ CHUNK_FRAMES = 256
 LEAST_RECEIVERS = 2
 """Least number of valid receivers for a frame to be posed."""
 _UNSEEN = 1e9
-"""Sd, in units of a receiver's own, that removes a measurement from the fit."""
+"""Factor on a receiver's sd that removes its measurement from the fit."""
 
 
 @dataclass(frozen=True)
 class PosedHand:
-    """A recording posed with the fitted hand, T frames; NaN in frames that could not be posed.
+    """A recording of T frames posed with the fitted hand; NaN in frames that could not be posed.
 
-    angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names, the base bone (the hand,
-    at the wrist centre) first; their proximal joints (T, B, 3) and rotations (T, B, 4), x distal, z dorsal.
-    receivers : S names; receiver_mm (T, S, 3) where the hand says that each is. residual_mm : (T,) rms over
-    the receivers.
+    Attributes
+    ----------
+    angle_names : tuple of (joint, kind)
+        Columns of `angles_rad`.
+    angles_rad : array, shape (T, A)
+        Joint angles.
+    bones : tuple of str
+        B bones, the base bone (the hand, with its origin at the wrist centre) first.
+    bone_position_mm : array, shape (T, B, 3)
+        Proximal joint centres in the transmitter frame.
+    bone_quaternion : array, shape (T, B, 4)
+        Bone to transmitter frame; bones have x distal and z dorsal.
+    receivers : tuple of str
+        S receivers.
+    receiver_mm : array, shape (T, S, 3)
+        Receiver origins as the posed hand predicts them, transmitter frame.
+    residual_mm : array, shape (T,)
+        Root mean square position residual over the receivers.
+    posed : array of bool, shape (T,)
+        Whether a frame could be posed.
+
     """
 
     angle_names: tuple[tuple[str, str], ...]
@@ -50,7 +67,7 @@ class PosedHand:
 
 
 def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> dict[str, Array]:
-    """Compute the joint angles of a posed hand, about the axes that the fit has found.
+    """Compute the joint angles of a posed hand about the fitted axes.
 
     Parameters
     ----------
@@ -59,7 +76,7 @@ def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> di
     posed : PosedHand
         Its bones over T frames.
     more_rad : float
-        By which the joints' axes are turned about their bones in addition.
+        Angle by which the joints' axes are turned further about their bones.
 
     Returns
     -------
@@ -77,16 +94,16 @@ def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> di
 
 
 def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHand:
-    """Pose a fitted hand in every frame of a recording, by all receivers that are valid in it together.
+    """Pose a fitted hand in every frame of a recording, using all valid receivers of the frame together.
 
     Parameters
     ----------
     fit : HandFit
-        The hand; its unknowns stay.
+        The hand, which is kept fixed.
     poses : Poses
         T frames of the receivers, transmitter frame.
     blind : sequence of str
-        Receivers whose positions are left out, which are then predicted from everything else.
+        Receivers whose positions are not used, so that they are predicted from all other data.
 
     Returns
     -------
@@ -122,7 +139,7 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
 
 
 def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
-    """Angles, bones' positions and quaternions, receivers' origins, and rms residual, of some frames."""
+    """Return angles, bones' positions and quaternions, receivers' origins and rms residual of some frames."""
     problem = replace(problem, frames=frames)
     guess = first_guess(problem, fit.model, fit.posterior.x)
     # the field's turn does not change while poses are fitted, so that it is undone once

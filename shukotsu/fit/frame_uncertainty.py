@@ -1,12 +1,12 @@
-"""Compute how far a posed hand may be off in a frame, from its receivers and what the fit leaves open.
+"""Errors of a posed hand in each frame, from the receivers valid in it and the uncertainty of the fit.
 
-A frame's joint angles and the pose of its base bone, given the hand's unknowns, are normal about where they
-were posed, with the covariance that the receivers valid in that frame and the angles' priors leave. They move
-with the unknowns, whose covariance the fit has. Both together are a linear map of independent standard normal
-numbers, from which the error of anything posed follows: a centre, an angle, a tip.
+Given the hand's unknowns, a frame's joint angles and the pose of its base bone are normally distributed about
+their posed values, with a covariance that follows from the receivers valid in that frame and the angles'
+priors. They also vary with the unknowns, whose covariance the fit states. Both together are a linear map of
+independent standard normal numbers, from which the error of any posed centre, angle or tip follows.
 
-The map changes slowly with posture, and at once with the receivers. So it is computed for a few postures of
-every set of valid receivers, and the errors of each frame are interpolated between the two nearest.
+The map changes slowly with posture but abruptly with the set of valid receivers. It is therefore computed for
+a few postures of every set, and the errors of each frame are interpolated between the two nearest.
 
 On paper: docs/whole-hand.md, sections 8 and 11.
 """
@@ -37,20 +37,22 @@ from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Digit
 
 POSTURES = 64
-"""Postures of a block of frames, for which the map is made; each set of valid receivers has one at least."""
+"""Number of postures in a block of frames for which the map is computed; each set of valid receivers has at
+least one."""
 
 _MOST_AT_ONCE = 32
-"""Postures whose maps are in memory together: 15 MB."""
+"""Number of postures whose maps are in memory together; they take 15 MB."""
 
 _NUDGE_RAD = 1e-5
 
 _SAME_POSTURE = 1e-12
+"""Sum of squared distances, rad^2, below which two postures are the same."""
 
 NEUTRAL_SD_DEG = np.array([1.5, 1.5, 0.0])
-"""Sd of flexion, abduction and rotation at zero of a CMC or MCP joint, which is where metacarpals stand in
-the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.6 and 1.5 deg apart (1 sigma).
-It is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well
-as it knows the bones; and none turns about its own bone at zero."""
+"""Sd of the zero of flexion, abduction and rotation of a CMC or MCP joint, which is defined by the
+orientation of metacarpals in the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) differ in it
+by 1.6 and 1.5 deg (1 sigma). This error is the same in all frames and all people. The zero of other joints is
+the straight digit, which the fit knows as well as it knows the bones; no joint has axial rotation at zero."""
 
 PUT_ON = (
     *("mount", "mount across", "mount turn", "facing"),
@@ -65,10 +67,17 @@ drift of skin. The rest is how skin follows the posture, which is the same in ea
 
 @dataclass(frozen=True)
 class _Spread:
-    """Errors of F posed frames as linear maps of N standard normal numbers, of a right hand always.
+    """Errors of F posed frames as linear maps of N standard normal numbers, always for a right hand.
 
-    shift_mm, turn_rad : (F, B, 3, N) of each bone's proximal joint and of its rotation; states_rad :
-    (F, S, N); unknowns : (G + 6 D, N) of the hand's unknowns and the soft parts' offsets.
+    Attributes
+    ----------
+    shift_mm, turn_rad : array, shape (F, B, 3, N)
+        Errors of each bone's proximal joint, and of its rotation.
+    states_rad : array, shape (F, S, N)
+        Errors of the joint angles.
+    unknowns : array, shape (G + 6 D, N)
+        Errors of the hand's unknowns and the soft parts' offsets.
+
     """
 
     shift_mm: Array
@@ -79,19 +88,26 @@ class _Spread:
 
 @dataclass(frozen=True)
 class PosedErrors:
-    """1-sigma errors of posed frames; NaN where a frame was not posed.
+    """1-sigma errors of posed frames; NaN for frames that were not posed.
 
-    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
-    abduction and rotation, NaN of an axis that the joint lacks.
+    Attributes
+    ----------
+    centre_mm, turn_deg : array, shape (F, B)
+        Error in 3-D of position and rotation of the bones of `PosedHand`.
+    angles_deg : mapping of str to array, shape (F, 3)
+        By joint: error of flexion, abduction and rotation; NaN for an axis that the joint lacks.
+    tips_mm : array, shape (F, D, 2)
+        Error in 3-D of the ends of bone and skin of digits with known anatomy.
+    by_hand_deg : mapping of str to array, shape (F, 3, H)
+        By joint: errors of angles due to the hand's unknowns, as maps of H standard normal numbers.
+    changes_deg : mapping of str to array, shape (F, 3)
+        By joint: error of an angle's change from the reference, without errors that are common to both.
+    reference_deg : mapping of str to array, shape (3, H)
+        By joint: errors of the reference angles due to the hand's unknowns, as maps.
+    session_deg, session_changes_deg : mapping of str to array, shape (F, 3)
+        By joint: the part of `by_hand_deg`, and of its change from the reference, that is independent between
+        sessions, in which the same hand wears the receivers anew.
 
-    tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
-
-    changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
-    both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
-    maps of H standard normal numbers. by_hand_deg : joint to (F, 3, H), what they do to each frame.
-
-    session_deg, session_changes_deg : joint to (F, 3), of the hand's part alone, what differs when the same
-    hand puts the receivers on anew.
     """
 
     centre_mm: Array
@@ -115,16 +131,16 @@ def posed_errors(
     tips : Fingertips
         The hand, with the covariance of its unknowns and soft parts.
     posed : PosedHand
-        F frames as `pose_hand` posed them.
+        F frames as posed by `pose_hand`.
     frames : Frames
-        The receivers' poses that they were posed from, of which those valid count.
+        The receivers' poses from which they were posed.
     reference_deg : mapping of str to array, shape (3, H), optional
-        Maps of the angles from which changes count (`PosedErrors`); those of the mean frame by default.
+        Maps of the angles to which changes refer (`PosedErrors`); by default those of the mean frame.
 
     Returns
     -------
     PosedErrors
-        mm and degrees; `by_hand_deg` stays empty.
+        Errors in mm and degrees; `by_hand_deg` is left empty.
 
     """
     chosen, nearest, second_share = _postures(posed, frames.valid)
@@ -141,7 +157,7 @@ def posed_errors(
             joint: np.tensordot(share, by_hand_deg, 1) for joint, by_hand_deg in few.by_hand_deg.items()
         }
     neutral_deg = _neutral_sd_deg(tips)
-    changes_deg = {}  # of the frame's own part, and of the hand's what differs
+    changes_deg = {}  # the frame's error, and the hand's as far as it differs from the reference's
     for joint, by_hand in few.by_hand_deg.items():
         of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
         changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
@@ -180,17 +196,17 @@ def posed_errors(
 
 
 def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
-    """Return the sd (3,) of each joint's zero in degrees; 0 without anatomy, where any zero will do."""
+    """Return the sd (3,) of each joint's zero, deg; 0 for joints without anatomy, whose zero is arbitrary."""
     beside = {joint for digit in known_digits(tips.fit.layout) for joint in digit.joints[:2]}
     joints = tips.fit.layout.joints
     return {joint: NEUTRAL_SD_DEG if joint in beside else np.zeros(3) for joint in joints}
 
 
 def _wander_deg(postures: Postures, joint: str) -> Array:
-    """Compute the errors (F, 3), degrees, of a palm joint that the fit lets turn about a single axis.
+    """Compute the errors (F, 3), deg, of a palm joint that the fit models with a single constant axis.
 
-    Its axis varies by some degrees as it turns: the farther from the mean posture, the more of the flexion
-    is abduction and rotation.
+    In fact its axis varies by some degrees as it turns, so that a share of the flexion away from the mean
+    posture is abduction and rotation.
     """
     names, fit = postures.posed.angle_names, postures.tips.fit
     out = np.zeros((len(postures.posed.posed), 3))
@@ -204,25 +220,25 @@ def _wander_deg(postures: Postures, joint: str) -> Array:
 def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
     """Compute a square root of the covariance that is independent between two sessions of one hand.
 
-    The covariance C of the unknowns has two parts: C L C, the pull of priors with precisions L, and the rest,
-    due to residuals. Independent between sessions are the pull on unknowns of how receivers were put on, and
-    a share of the part due to residuals.
+    The covariance C of the unknowns has two parts: C L C, due to priors with precisions L, and the rest, due
+    to residuals. Independent between sessions are the first part for unknowns that describe how receivers
+    were put on, and a share of the second part.
 
     Parameters
     ----------
     root : array, shape (G, H)
         Square root of C.
     precision : array, shape (G,)
-        Of the unknowns' priors.
+        Precision of the unknowns' priors.
     put_on : array of bool, shape (G,)
-        Unknowns of how receivers were put on.
+        Which unknowns describe how receivers were put on.
     new_share : float
-        Share of the residuals' part that is independent.
+        Share of the part due to residuals that is independent.
 
     Returns
     -------
     array, shape (H, H)
-        In the coordinates of the columns of root.
+        Square root in the coordinates of the columns of `root`.
 
     """
     pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
@@ -235,7 +251,7 @@ def _norms(maps: Array) -> Array:
 
 
 def _join_errors(parts: Sequence[PosedErrors]) -> PosedErrors:
-    """Errors of blocks of frames, concatenated."""
+    """Concatenate the errors of several blocks of frames."""
     return PosedErrors(
         np.concatenate([part.centre_mm for part in parts]),
         np.concatenate([part.turn_deg for part in parts]),
@@ -251,11 +267,12 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
     Returns
     -------
     rows : array of int, shape (n,)
-        Frames chosen, spread over the postures of each set of valid receivers.
+        Indices of the chosen frames, spread over the postures of each set of valid receivers.
     nearest : array of int, shape (2, T)
-        The two of them nearest to each frame that have the same receivers; the same twice if there is one.
+        For each frame, the indices into `rows` of its two nearest postures with the same valid receivers, the
+        nearer one first; twice the same index if there is only one.
     second_share : array, shape (T,)
-        Weight of the second (inverse squared distances of joint angles).
+        Weight of the second one; weights are inverse to the squared distance of the joint angles.
 
     """
     usable = np.flatnonzero(posed.posed)
@@ -289,12 +306,12 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
     posed : PosedHand
         T frames.
     rows : array of int, shape (F,)
-        Their indices.
+        Indices of the frames to select.
 
     Returns
     -------
     PosedHand
-        F frames.
+        The F selected frames.
 
     """
     names = ("angles_rad", "bone_position_mm", "bone_quaternion", "receiver_mm", "residual_mm", "posed")
@@ -329,8 +346,10 @@ def _norm(maps: Array) -> Array:
 
 @dataclass(frozen=True)
 class _BranchBones:
-    """Derivatives of the places and rotations of a branch's bones: by its unknowns (n, F, 6, g), and by its
-    states and the root (n, F, 6, s + 6); columns : which of all bones these are.
+    """Derivatives of the positions and rotations of a branch's n bones.
+
+    columns : indices of these among all bones. by_unknowns : (n, F, 6, g). by_own : (n, F, 6, s + 6), by the
+    branch's states and the root.
     """
 
     columns: tuple[int, ...]
@@ -339,9 +358,11 @@ class _BranchBones:
 
 
 class _ByTurn(NamedTuple):
-    """Derivatives of a joint's angles, deg, by a turn of its second bone against the first, which are columns
-    of all bones: (F, 3, 3); and by its axes' and its zero's turns (F, 3, 4), which axes_by_x (4, G) has by
-    the unknowns.
+    """Derivatives of a joint's angles, deg.
+
+    by_turn : (F, 3, 3) by a rotation of the second bone relative to the first, both indices among all bones.
+    by_axes : (F, 3, 4) by rotations of the joint's axes and of its zero. axes_by_x : (4, G) of those
+    rotations by the unknowns.
     """
 
     first: int
@@ -353,9 +374,9 @@ class _ByTurn(NamedTuple):
 
 @dataclass(frozen=True)
 class Postures:
-    """Posed frames, and what of their errors does not depend on which receivers show them.
+    """Posed frames, and the derivatives for their errors that do not depend on which receivers are valid.
 
-    point : the frames as solved, of a right hand. by_turn : joint to what its angles change with.
+    point : the frames as solved, as a right hand. by_turn : derivatives of the angles, by joint.
     """
 
     tips: Fingertips
@@ -366,7 +387,7 @@ class Postures:
 
     @classmethod
     def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
-        """Differentiate posed frames."""
+        """Compute the derivatives at posed frames."""
         fit, turn = tips.fit, matrix(posed.bone_quaternion[:, 0])
         root = fit.convention.world(turn, posed.bone_position_mm[:, 0])
         point = Point(fit.posterior.x, posed.angles_rad, *root)
@@ -388,9 +409,9 @@ def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _Branch
 
 
 def _spread_of(postures: Postures, frames: Frames) -> _Spread:
-    """Compute how far posed frames may be off. frames : the receivers' poses, of which those valid count.
+    """Compute the error maps of posed frames from the receivers that are valid in `frames`.
 
-    Its numbers are those of the hand, then six of the root and one of each state.
+    The standard normal numbers are those of the hand, then six of the root, then one of each state.
     """
     fit, point, root = postures.tips.fit, postures.point, postures.tips.root
     problem = replace(fit.problem, frames=frames, temper=1.0, state_sd=np.array(fit.model.states.sd))
@@ -426,12 +447,12 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
 
 
 def _times(values: Array, matrix: Array) -> Array:
-    """Product of matrices (F, n, g) with one (g, N), as a single matrix product."""
+    """Multiply matrices (F, n, g) by a single one (g, N), as one matrix product."""
     return (values.reshape(-1, values.shape[-1]) @ matrix).reshape(*values.shape[:-1], matrix.shape[-1])
 
 
 def _by_root(point: Point, arm_mm: Array) -> Array:
-    """Derivative (F, 6, 6) of a frame's place and rotation by the root's pose, arm_mm (F, 3) away."""
+    """Return the derivative (F, 6, 6) of a pose by the root's pose; arm_mm : (F, 3) from the root to it."""
     out = np.zeros((len(arm_mm), 6, 6))
     out[:, :3, :3] = out[:, 3:, 3:] = point.root
     out[:, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm_mm[:, None]).swapaxes(-1, -2)
@@ -439,7 +460,7 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
 
 
 def _by_turns(tips: Fingertips, posed: PosedHand, point: Point) -> Iterator[tuple[str, _ByTurn]]:
-    """Joints of known anatomy that move, as in `Postures`."""
+    """Yield the derivatives of the angles of every moving joint of known anatomy."""
     fit, quaternion = tips.fit, posed.bone_quaternion
     ahead, behind = (joint_angles_of(fit, posed, sign * _NUDGE_RAD) for sign in (1, -1))
     for joint, axes in fit.summary.angle_axes.items():
@@ -453,7 +474,7 @@ def _by_turns(tips: Fingertips, posed: PosedHand, point: Point) -> Iterator[tupl
 
 
 def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str, Array]]:
-    """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
+    """Yield the error maps (F, 3, N) of the angles of each moving joint; NaN for an axis that it lacks."""
     for joint, (a, b, by_turn, by_axes, axes_by_x) in postures.by_turn.items():
         turned = by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
         yield joint, turned + by_axes @ (axes_by_x @ spread.unknowns[: axes_by_x.shape[1]])
@@ -468,19 +489,19 @@ def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str
 
 
 def _differences(ahead: Array, behind: Array) -> Array:
-    """Derivatives of angles, deg, by what was nudged either way, rad."""
+    """Return central differences of angles, deg, per rad of the nudge."""
     return np.asarray(((ahead - behind + 180.0) % 360.0 - 180.0) / (2 * _NUDGE_RAD))
 
 
 def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -> Array:
-    """Derivative (F, 3, 3) of joint angles, deg, by a turn of the child in the transmitter's frame, rad."""
+    """Return the derivative (F, 3, 3) of joint angles, deg, by the child's turn in the transmitter frame."""
     nudges = np.stack([about_axis(np.eye(3), np.full(3, sign * _NUDGE_RAD)) for sign in (1, -1)])
     ahead, behind = joint_angles(parent, multiply(nudges[:, :, None], child), hand, rest, axes)
     return np.moveaxis(_differences(ahead, behind), 0, -1)
 
 
 def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array:
-    """Errors (F, D, 2) in 3-D of bones' and skin's ends, by the receiver where valid, else the bone."""
+    """Return errors (F, D, 2) in 3-D of bone's and skin's ends, carried by a valid receiver or the bone."""
     tips, posed = postures.tips, postures.posed
     model = tips.fit.model
     out = np.empty((len(posed.posed), len(tips.digits), 2))
@@ -497,7 +518,7 @@ def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array
 
 
 def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part: int) -> Array:
-    """Map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (1), carried by that bone."""
+    """Return the error map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (part 1)."""
     last = posed.bones.index(digit.tip)
     n_x = len(tips.fit.posterior.x)
     end, moved = (

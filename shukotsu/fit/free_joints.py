@@ -1,12 +1,12 @@
-"""Joints of which no anatomy is known: a wrist's with a receiver on the forearm, and what a layout has above.
+"""Joints without known anatomy: a wrist with a receiver on the forearm, and joints farther from the hand.
 
-The receivers are the bones here, since nothing says how they sit on them. A joint's centre may be anywhere
-within reach; what axes it turns about, and its mean posture, are read off the recording beforehand.
+The receivers represent the bones here, since their placement on the bones is unknown. A joint's centre may be
+anywhere within reach. Its axes and mean posture are first estimated from the recording.
 
-Where on its axis a hinge has its centre, its motion does not say. What turns off the axis is skin, which
-turns a receiver where it sits; were it a turn of the joint, a degree of skin would seem to fix the centre to
-8 mm, which is 23 mm off (simulated). So the sd along the axis is that of the layout's plane
-(`measurements.planes`), or of the reach where it gives none.
+The motion of a hinge does not determine the position of its centre along the axis. Rotation off the axis is
+due to skin, which turns a receiver in place. If it were modelled as rotation of the joint, one degree of it
+would seem to determine the centre to 8 mm although it is 23 mm off (simulated). So the sd along the axis is
+that of the layout's plane (`measurements.planes`), or that of the reach if the layout has no plane.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -29,19 +29,28 @@ WRIST_SD_MM = 2.0
 """Sd of the wrist's centre about the origin of the hand's frame, in which digits' bases are given."""
 
 AXIS_SD_RAD = float(np.radians(30.0))
-"""Sd of a joint's axes about those that the recording shows at first sight."""
+"""Sd of a joint's axes about the first estimate from the recording."""
 
 ANGLE_SD_DEG = ((60.0, 4.0, 4.0), (60.0, 60.0, 5.0), (60.0, 60.0, 60.0))
-"""Sd of rotation about the first, second, third axis of a joint with one, two, three degrees of freedom. The
-second and third of a hinge are skin's, about the receiver on the far side."""
+"""Sd of rotation about the first, second and third axis of a joint with one, two and three degrees of
+freedom. The second and third of a hinge are skin motion of the receiver on the far side."""
 
 
 @dataclass(frozen=True)
 class FreeJoint:
-    """A joint walked between receivers, outward as in the layout, or (a wrist) inward.
+    """A joint between two receivers, passed outward from parent to child, or inward (a wrist).
 
-    mean : (3, 3) rotation from the far receiver's frame to the near one's; axes : (3, 3) columns in the near
-    one, about which most, less, least was turned.
+    Attributes
+    ----------
+    joint : Joint
+        The joint in the layout.
+    near, far : str
+        Segments of the receivers, `near` towards the root of the chains.
+    mean : array, shape (3, 3)
+        Mean rotation from the far receiver's frame to the near one's.
+    axes : array, shape (3, 3)
+        Columns are the axes in the near receiver's frame, in order of decreasing rotation about them.
+
     """
 
     joint: Joint
@@ -63,16 +72,16 @@ def free_joints(
     root : str
         Segment from which chains start.
     taken : sequence of str
-        Joints that anatomy covers.
+        Joints of known anatomy, which are skipped.
     frames : Frames
-        Frames of the fit, by which their axes are guessed.
+        Frames of the fit, from which the axes are estimated.
     receivers : sequence of str
         Receivers of those frames.
 
     Returns
     -------
     list of FreeJoint
-        Joints that can be reached.
+        Joints that can be reached from the root.
 
     """
     walked: list[FreeJoint] = []
@@ -94,15 +103,14 @@ def free_joints(
         reached.add(far)
         mean, axes = _start(frames, receivers.index(near), receivers.index(far))
         in_child = axes[:, 0] if near == joint.child else mean.T @ axes[:, 0]
-        if (
-            in_child[np.argmax(np.abs(in_child))] < 0
-        ):  # as in the joint solve: its largest component counts up
+        # as in the joint solve, the largest component of the axis is positive
+        if in_child[np.argmax(np.abs(in_child))] < 0:
             axes = axes * [-1.0, 1.0, -1.0]
         walked.append(FreeJoint(joint, near, far, mean, axes))
 
 
 def _start(frames: Frames, near: int, far: int) -> tuple[Array, Array]:
-    """Mean rotation and main axes of the far receiver's turning in the near one's frame."""
+    """Return the far receiver's mean rotation and its main rotation axes in the near receiver's frame."""
     both = frames.valid[:, near] & frames.valid[:, far]
     if not both.any():
         return np.eye(3), np.eye(3)

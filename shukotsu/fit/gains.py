@@ -1,8 +1,8 @@
-"""Compute what one more measurement of a hand would gain, before anyone takes it.
+"""Predict how much one more measurement of a hand would reduce the errors of its joint centres.
 
-The posterior's covariance after a linear observation does not depend on what is observed, only on how well:
-P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
-fingertip, is tried on the covariance alone, all at once.
+The posterior covariance after a linear observation, P - P H^T (H P H^T + R)^-1 H P, does not depend on the
+observed value, only on its error. So every length and receiver position that could be measured, and a touch
+of every fingertip, is tested on the covariance alone, all at once.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import GainsRow
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
-"""Sd of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
+"""Sd of a calliper reading between two joints or a joint and a receiver, and of a touch, per direction."""
 
 DEEP_SD_MM = 2.0
-"""Sd of a length from a CMC joint or the wrist, which lie deep and show no crease (our choice)."""
+"""Sd of a length from a CMC joint or the wrist, which are deep and have no crease (our choice)."""
 
 TOUCH = "touch"
 
 
 def gains(tips: Fingertips) -> list[GainsRow]:
-    """Compute what every possible measurement would gain (docs/whole-hand.md, section 11).
+    """Compute the joint centres' errors before and after every possible measurement (section 11).
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def gains(tips: Fingertips) -> list[GainsRow]:
     Returns
     -------
     list of GainsRow
-        Rows of table gains for bones' lengths, receivers' places and fingertips' touches, best first; only
-        quantities and joints that receivers measure.
+        Rows of table gains for lengths of bones, positions of receivers and touches of fingertips, best
+        first. Quantities and joints that no receiver measures are left out.
 
     """
     fit = tips.fit
@@ -77,7 +77,7 @@ def gains(tips: Fingertips) -> list[GainsRow]:
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
-    """List what could be measured, with which sd, and its rows (K, 3, G + 6 D) in units of that sd."""
+    """List possible measurements, their sd, and their rows (K, 3, G + 6 D) in units of that sd."""
     fit = tips.fit
     model = fit.model
     worn = [s for s in model.mount if s in model.receivers]
@@ -112,7 +112,7 @@ def _realistic_sd_mm(fit: SolvedFit, quantity: str) -> float:
 
 
 def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
-    """Joint centres' sd (J,) as they are, as `FittedJoint.sd_mm`, and (J, K) after each observation alone."""
+    """Return joint centres' sd now (J,), as `FittedJoint.sd_mm`, and after each observation alone (J, K)."""
     fit, joints, P = tips.fit, tips.fit.joints.values(), tips.covariance
     places = places_of(fit.model, fit.posterior)
     by_x = np.array([centre_by_unknowns(fit.layout.joints[j.name], places, fit)[1] for j in joints])

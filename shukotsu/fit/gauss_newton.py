@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton: over the joint angles of frames (inverse kinematics), and over the hand as well.
+"""Damped Gauss-Newton over the hand and all frames, and the first guess of joint angles and roots.
 
 On paper: docs/whole-hand.md, section 6.
 """
@@ -19,21 +19,21 @@ from shukotsu.fit.normal_equations import Point, Problem, Residuals, axial_vecto
 from shukotsu.hand.rotations import Array
 
 CLOSE = 1e-3
-"""Newton decrement (expected drop in log posterior of the next step) below which the gain is negligible."""
+"""Newton decrement (expected gain in log posterior of the next step) below which the fit has converged."""
 
 NEARLY = 0.1
 """The same, while the scales of priors and residuals are still being estimated."""
 
 _FULL_STEP = 1e-3
-"""Damping below which a step is as long as the normal equations say."""
+"""Damping below which a step is practically an undamped Gauss-Newton step."""
 
 _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e4
 
 _BENDS_RAD = tuple(np.radians([5.0, 40.0, 75.0]))
-"""Flexions that are tried where no two receivers show one."""
+"""Flexions that are tried for joints that no two receivers show."""
 
 _LEAST_BEND_SD_RAD = float(np.radians(12.0))
-"""Sd of the prior of a flexion that may be any of them: of a digit's joints, not of the palm's."""
+"""Least prior sd of a flexion for which these are tried: true of joints of digits, not of the palm."""
 
 
 def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
@@ -51,8 +51,8 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
     Returns
     -------
     Point
-        Angles (F, S), rad, as receivers aligned with their bones would show them; roots by each frame's
-        first valid receiver; of joints that no two receivers show the likeliest of a few bends.
+        Angles (F, S), rad, as if receivers were aligned with their bones; the likeliest of a few flexions for
+        joints that no two receivers show. Roots follow from each frame's first valid receiver.
 
     """
     frames = problem.frames
@@ -93,12 +93,28 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
 def _with_likeliest_bends(
     problem: Problem, point: Point, shown: npt.NDArray[np.bool_], may_bend: Sequence[int]
 ) -> Point:
-    """Bend joints that no two receivers show so that the digit's receivers fit best.
+    """Choose flexions of joints that no two receivers show so that the digit's receivers fit best.
 
     A finger of which only the tip is seen can be bent in two ways, knuckle up or knuckle down, and the
-    solution keeps the one that it starts with. Only forward bends are tried, so that none starts backwards.
+    solution keeps the one that it starts with. Only forward bends are tried, so that no finger starts
+    hyperextended.
 
-    shown : (F, S) whether two receivers show a state; may_bend : states that are tried where none do.
+    Parameters
+    ----------
+    problem : Problem
+        F frames.
+    point : Point
+        First guess.
+    shown : array of bool, shape (F, S)
+        Whether two receivers show a state.
+    may_bend : sequence of int
+        States that are tried in frames in which they are not shown.
+
+    Returns
+    -------
+    Point
+        The guess with the likeliest flexions.
+
     """
     y = point.y.copy()
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
@@ -122,7 +138,7 @@ def _with_likeliest_bends(
 
 @dataclass(frozen=True)
 class Solution:
-    """Result of a minimisation; converged : whether the last steps were negligible."""
+    """Result of a minimisation; converged : whether the last step was negligible."""
 
     point: Point
     residuals: Residuals
@@ -135,18 +151,18 @@ def solve(problem: Problem, point: Point, most_steps: int, close: float = CLOSE)
     Parameters
     ----------
     problem : Problem
-        What is fitted to what.
+        Chains, measured frames and priors.
     point : Point
-        Where to start.
+        Start.
     most_steps : int
-        Number of steps after which it ends in any case.
+        Largest number of steps.
     close : float
         Gain in log posterior below which a step is the last.
 
     Returns
     -------
     Solution
-        The last point that was accepted, its residuals, and whether steps became negligible.
+        The last accepted point, its residuals, and whether the minimisation converged.
 
     """
     current = residuals(problem, point)

@@ -1,4 +1,5 @@
-"""The tables of a fitted hand; rows of its joints, bones, receivers and gains, all but the part's keys.
+"""Table rows of a fitted hand's joints, bones and receivers, without the keys that name the hand and the
+model.
 
 On paper: docs/whole-hand.md, section 8.
 """
@@ -30,20 +31,21 @@ if TYPE_CHECKING:
 
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"
-"""Kinds in which a receiver may be displaced."""
+"""Kinds of displacement in the column `loose_kind`: at once, by sliding, or only seemingly in a disturbed
+field."""
 
-_UNWEIGHED: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
-"""Errors of the hand that anatomy expects: none are stated, as it was fitted to no data."""
+_NO_ERRORS: Any = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
+"""Empty error columns of a hand that follows from anatomy alone: without data, no errors are stated."""
 
 
-def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
-    """Rows of joint_centres, joints between receivers first (docs/whole-hand.md, section 8).
+def joint_rows(fit: HandFit, *, from_data: bool = True) -> list[JointCentresRow]:
+    """Build the rows of joint_centres, joints between receivers first (docs/whole-hand.md, section 8).
 
     Parameters
     ----------
     fit : HandFit
         The hand.
-    weighed : bool
+    from_data : bool
         Whether the hand was fitted to data; otherwise no errors are stated.
 
     Returns
@@ -56,16 +58,16 @@ def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[JointCentresRow]:
     rows = []
     for joint in (summary.joints | summary.lone | summary.palm | summary.fixed).values():
         row = _joint_row(joint)
-        if axes := fit.summary.angle_axes.get(joint.name):  # where angles are zero, about what they turn
+        if axes := fit.summary.angle_axes.get(joint.name):  # zero and axes of the joint's angles
             rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), axes.rest, "right")
             zero_deg = *rest_deg.tolist(), -float(np.degrees(axes.turn_rad))
             columns: Any = dict(zip(ZERO_COLUMNS, zero_deg, strict=True))
             row |= columns | {"axes_turn_sd_deg": axes.turn_sd_deg}
         rows.append(row)
-    if not weighed:
+    if not from_data:
         for row in rows:
             row |= {"source": "anatomy alone", "status": "ok", "message": ""}
-            row |= _UNWEIGHED
+            row |= _NO_ERRORS
     return rows
 
 
@@ -92,14 +94,14 @@ def _joint_row(joint: FittedJoint) -> JointCentresRow:
     return row
 
 
-def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
-    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip.
+def bone_rows(fit: HandFit, *, from_data: bool = True) -> list[BoneLengthsRow]:
+    """Build the rows of bone_lengths: every bone from joint to joint, the last one of a digit to its tip.
 
     Parameters
     ----------
     fit : HandFit
         The hand.
-    weighed : bool
+    from_data : bool
         Whether the hand was fitted to data; otherwise no errors are stated.
 
     Returns
@@ -115,7 +117,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
             "starts_at": digit.joints[index],
             "ends_at": (*digit.joints, catalogue.BONE_TIP)[index + 1],
             "length_mm": fit.bones[segment].length_mm,
-            "sd_mm": fit.bones[segment].sd_mm if weighed else None,
+            "sd_mm": fit.bones[segment].sd_mm if from_data else None,
             "driven_by": "",
             "message": "",
         }
@@ -129,7 +131,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[BoneLengthsRow]:
 
 
 def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
-    """Rows of receivers: residuals, where each sits on its bone, and what was displaced.
+    """Build the rows of receivers: residuals, position on the bone, and displacements.
 
     Parameters
     ----------
@@ -175,7 +177,7 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
 
 
 def _loose_columns(unsteady: Unsteady) -> dict[str, ReceiversRow]:
-    """Columns of each receiver that came loose or slid, by segment: the largest of its moves."""
+    """Return columns by segment for receivers that came loose or slid, with their largest displacement."""
     columns: dict[str, ReceiversRow] = {}
     for receiver in sorted(unsteady.displaced.loose, key=lambda loose: loose.shift_mm + loose.turn_deg):
         row: ReceiversRow = {
@@ -200,7 +202,7 @@ def _loose_columns(unsteady: Unsteady) -> dict[str, ReceiversRow]:
 
 
 def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
-    """Columns of each receiver that came near to what disturbs the field, by segment."""
+    """Return columns by segment for receivers that came near the source of a disturbed field."""
     field = unsteady.displaced.field
     if field is None:
         return {}
@@ -226,7 +228,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
 def moved_rows(
     layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]
 ) -> list[MovedReceiversRow]:
-    """Rows of moved_receivers, one a receiver: start of its first displacement, sum of all.
+    """Build the rows of moved_receivers: start of a receiver's first displacement, and the sum of all.
 
     Parameters
     ----------
@@ -266,7 +268,7 @@ def moved_rows(
 
 
 def joints_beside(layout: Layout, segment: str) -> list[str]:
-    """List the joints whose angles depend on a receiver, also through bones without one.
+    """List the joints whose angles depend on a receiver, directly or through bones without a receiver.
 
     Parameters
     ----------
@@ -316,4 +318,4 @@ def _moment(moment: Moment) -> str:
 def _left_out(row: ReceiversRow) -> str:
     if row["left_out_share"]:
         return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
-    return "all of its frames were used, as no joint centre is the worse for it"
+    return "all of its frames were used, as this moves no joint centre by more than its error"

@@ -1,4 +1,4 @@
-"""Leave out the frames of a calibration in which receivers were displaced, where they make centres worse.
+"""Leave out the frames of a calibration in which receivers were displaced or the field was disturbed.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -17,26 +17,39 @@ from shukotsu.hand.rotations import Array
 from shukotsu.tables.poses import Poses, RecordingName, joined_poses
 
 SAME_PLACE = (1.5, float(np.radians(3.0)))
-"""mm and rad within which an offset counts as skin motion, not as a displacement."""
+"""Offset, mm and rad, up to which it is regarded as skin motion, not as a displacement."""
 
 FELT_ERROR, HARMFUL_ERROR = (2.0, float(np.radians(4.0))), (4.0, float(np.radians(8.0)))
-"""mm and rad by which a disturbed field must be off for a receiver to be in it, and for a frame to be better
-left out: poses that are off by less still carry information."""
+"""Error of a disturbed field, mm and rad, above which a receiver is reported as disturbed, and above which
+its frames are left out; poses with smaller errors still carry information."""
 
 MOST_LEFT_OUT = 0.5
-"""Largest share of a receiver's frames that may be left out: with metal near for longer, the rest does not
-determine the hand either."""
+"""Largest share of a receiver's frames that may be left out because of metal; with less than the rest the
+hand would not be determined either."""
 
 ELSEWHERE_SD = 1.0
-"""Sd of a centre by which it must move, when frames are left out, for them to be worth leaving out: then what
-they add to its error is more than what is lost with them."""
+"""Shift of a joint centre, in units of its sd, above which frames are left out: the error that they cause is
+then larger than the loss of information."""
 
 _REFERENCES = 60
 
 
 @dataclass(frozen=True)
 class Unsteady:
-    """What was displaced; a field's largest error (6,) and share of frames left out, by receiver."""
+    """Displacements in a calibration.
+
+    Attributes
+    ----------
+    recordings : sequence of RecordingName
+        Recordings of the calibration.
+    displaced : Displaced
+        Loose receivers, or a disturbed field.
+    field_errors : mapping of str to array, shape (6,)
+        Largest error of the disturbed field at each receiver, mm and rad.
+    left_out : mapping of str to float
+        Share of each receiver's frames that were left out.
+
+    """
 
     recordings: Sequence[RecordingName]
     displaced: Displaced
@@ -45,22 +58,22 @@ class Unsteady:
 
 
 def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Displaced) -> list[Poses]:
-    """Make displaced receivers not valid, so that each is left in the place where it sat longest.
+    """Mark displaced receivers as not valid, except while each was in the place where it stayed longest.
 
     Parameters
     ----------
     fit : HandFit
         The hand as fitted to all frames.
     recordings : sequence of Poses
-        What it was fitted to.
+        Recordings to which it was fitted.
     displaced : Displaced
-        What was displaced in them.
+        Displacements in them.
 
     Returns
     -------
     list of Poses
-        The recordings, with receivers not valid elsewhere, and where a disturbed field harms (unless that
-        were more than half of a receiver's frames).
+        The recordings without these receivers, and without receivers in frames in which a disturbed field has
+        a harmful error (unless these are more than half of a receiver's frames).
 
     """
     recording, valid = recording_of_rows(recordings), joined_poses(recordings).valid.copy()
@@ -79,12 +92,12 @@ def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Disp
 
 
 def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str, float]:
-    """Share of each receiver's valid frames that were left out.
+    """Compute the share of each receiver's valid frames that were left out.
 
     Parameters
     ----------
     before, after : sequence of Poses
-        Recordings of a calibration, whole and with frames left out.
+        Recordings of a calibration, complete and with frames left out.
 
     Returns
     -------
@@ -101,7 +114,7 @@ def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str,
 
 
 def is_elsewhere(before: HandFit, after: HandFit) -> bool:
-    """Whether a joint's centre moved by more than its sd, in either receiver's frame."""
+    """Return whether any joint's centre moved by more than its sd, in either receiver's frame."""
     for name, joint in before.joints.items():
         other = after.joints.get(name)
         if other is None:
@@ -123,14 +136,14 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance |
     fit : HandFit
         The hand.
     recordings : sequence of Poses
-        Its calibration.
+        Recordings of its calibration.
     field : Disturbance or None
-        The disturbance; None where there is none.
+        The disturbance, if any.
 
     Returns
     -------
     dict
-        Segment -> error (6,), mm and rad, where it is larger than `FELT_ERROR`.
+        Segment -> error (6,), mm and rad, for receivers with an error larger than `FELT_ERROR`.
 
     """
     if field is None:
@@ -146,14 +159,14 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance |
 
 
 def _errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance) -> Array:
-    """The field's error (T, S, 6) at every receiver of the recordings, as they name them."""
+    """Return the field's error (T, S, 6) at every receiver, in the order of the recordings' segments."""
     position = joined_poses(recordings).position_mm
     error = field.at(fit.convention.world(np.eye(3), position)[1])
     return np.where(np.isfinite(error), error, 0.0)
 
 
 def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
-    """Return the offset (T, 6) of a receiver from its first place in every row of all recordings."""
+    """Return the offset (T, 6) of a receiver from its first position in every row of all recordings."""
     first_row = np.cumsum([0, *(len(poses.frame) for poses in recordings)])
     row = np.arange(first_row[-1])
     way = np.zeros((len(row), 6))
@@ -167,6 +180,6 @@ def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
 
 
 def _size(error: Array, unit: tuple[float, float]) -> Array:
-    """The larger one (...,) of the shift and the turn of errors (..., 6), in these units."""
+    """Return the larger one of shift and rotation (...,) of errors (..., 6), relative to these units."""
     parts = np.linalg.norm(error.reshape(*error.shape[:-1], 2, 3), axis=-1) / unit
     return np.asarray(parts.max(-1))

@@ -1,9 +1,10 @@
 """The priors' pull on each bone's length: the error that one sd of every unknown of the hand causes.
 
-An estimate of unknowns whose priors have the precision L, from data of information F, has the covariance C =
-(F + L)^-1. Its error is the pull of the priors, -C L x of unknowns x, and what noise did, of covariance
-C F C; together C again. A length with the row a is pulled by a C L^1/2 for each sd of an unknown. From these
-follows how far two estimates of one person's bone may differ (`shukotsu.scores.agreement`).
+An estimate from data of information F, with priors of precision L, has the covariance C = (F + L)^-1. Its
+error consists of the pull of the priors, -C L x for the true unknowns x, and of the effect of noise, of
+covariance C F C. On average over people the two add up to C. A length that is linear in the unknowns with the
+row a is pulled by a C L^1/2 per sd of each unknown. These pulls determine how far two estimates of one
+person's bone may differ (`shukotsu.scores.agreement`).
 
 On paper: docs/whole-hand.md, section 8.
 """
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import LengthPullsRow
 
 LEAST_SHARE = 0.01
-"""Share of a length's sd that an unknown pulls by at least, to have a row."""
+"""Least pull of an unknown that is listed, as a share of the length's sd."""
 
 
 def pull_rows(fit: SolvedFit) -> list[LengthPullsRow]:
@@ -29,12 +30,13 @@ def pull_rows(fit: SolvedFit) -> list[LengthPullsRow]:
     Parameters
     ----------
     fit : SolvedFit
-        The hand; its posterior before the other hand and touches counts.
+        The hand; its posterior before conditioning on the other hand and on touches is used.
 
     Returns
     -------
     list of LengthPullsRow
-        Rows of table length_pulls, mm, for pulls above LEAST_SHARE; none of a bone that a calliper measured.
+        Rows of table length_pulls, mm, for pulls above LEAST_SHARE. Bones whose length was measured directly
+        have none.
 
     """
     rows: list[LengthPullsRow] = []

@@ -1,9 +1,9 @@
-"""Receivers that did not stay where they were put, and fields that were disturbed.
+"""Find receivers that did not stay in place, and disturbed fields.
 
-A receiver may come loose at once or slide slowly; beside metal all receivers are off that are near it. Every
-receiver is tested for a displacement (`displacement_test`) and the room for metal (`field_test`). Where no
-metal explains it better, the likeliest displacement is solved for together with the hand and put back, and so
-on until nothing abnormal is left.
+A receiver may come loose at once or slide slowly; metal disturbs all receivers near it. Every receiver is
+tested for a displacement (`displacement_test`) and the room for metal (`field_test`). Unless metal explains
+the data better, the likeliest displacement is estimated together with the hand and corrected for, and the
+test is repeated until nothing abnormal is left.
 
 On paper: docs/whole-hand.md, section 11.
 """
@@ -29,25 +29,27 @@ from shukotsu.hand.rotations import Array, exp_rotation
 from shukotsu.tables.poses import Poses, joined_poses
 
 EVEN_FRAMES = 120
-"""Evenly spaced over all recordings, several for each independent sample."""
+"""Number of frames that are tested, evenly spaced over all recordings; several for each independent
+sample."""
 
 MOST_DISPLACEMENTS, MOST_MOVED, OFF_MM = 8, 4, 60.0
-"""Looked for in a calibration, and in a recording that is held against one; how far a receiver goes
-on a bone: one beyond came off, and the search ends."""
+"""Largest number of displacements sought in a calibration, and in a recording that is compared with one;
+shift beyond which a receiver must have come off its bone, so that the search ends."""
 
 NORMAL = {
     "phalanx": (1.0, float(np.radians(3.0))),
     "palm": (1.5, float(np.radians(3.0))),
     "metacarpal": (3.0, float(np.radians(10.0))),
 }
-"""mm and rad by which a receiver on a finger, on the back of the hand and on the thumb's metacarpal may sit
-elsewhere for half of a recording, all of it skin: that over a phalanx slides a millimetre, that over the
-tendons of the hand half as far again, and that over the thenar muscles bulges and stretches with every grip
-and with whatever it rests on."""
+"""Shift and turn, mm and rad, that skin alone may cause for half of a recording, on a finger, on the back of
+the hand and on the thumb's metacarpal. Skin over a phalanx slides by a millimetre and over the tendons of the
+hand by one and a half; over the thenar muscles it bulges and stretches with every grip and whenever the hand
+rests on something."""
 
 SWALLOWED_SD = 4.5
-"""Skin motion that is implausible for a hand, over published values: 3.4 is the most with twice the usual
-skin artefact, 8.9 the least where the skin of the fit made up for a receiver that had come loose."""
+"""Skin motion, relative to published values, above which a fit has probably explained a loose receiver as
+skin motion. In simulations the largest value is 3.4 with twice the usual skin artefact, and the smallest is
+8.9 in fits that did so."""
 
 SKIN, STIFF = ("slide", "tilt", "joint slide"), 100.0
 """Families of unknowns that could absorb a displacement, and the precision that prevents it."""
@@ -65,7 +67,7 @@ _MEDIAN_OF_SQUARES = 2.366
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of one of several recordings, by number, and its time (or NaN)."""
+    """A frame of one of several recordings (by index), and its time, or NaN."""
 
     recording: int
     frame: int
@@ -74,7 +76,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class LooseReceiver:
-    """A receiver displaced by step (6,), mm and rotation vector, from `start`, or evenly up to `end`."""
+    """A receiver displaced by step (6,), mm and rotation vector, at `start` or evenly until `end`."""
 
     segment: str
     start: Moment
@@ -83,17 +85,17 @@ class LooseReceiver:
 
     @property
     def slid(self) -> bool:
-        """Whether it went slowly."""
+        """Whether it slid slowly rather than came loose at once."""
         return (self.end.recording, self.end.frame) != (self.start.recording, self.start.frame)
 
     @property
     def shift_mm(self) -> float:
-        """Return how far its origin moved on the bone."""
+        """Distance by which its origin moved on the bone."""
         return float(np.linalg.norm(self.step[:3]))
 
     @property
     def turn_deg(self) -> float:
-        """Return how far it turned."""
+        """Angle by which it turned."""
         return float(np.degrees(np.linalg.norm(self.step[3:])))
 
 
@@ -106,18 +108,18 @@ class Displaced:
 
 
 def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
-    """Find what was displaced in the recordings that a hand was fitted to (docs/whole-hand.md, section 11).
+    """Find displacements in the recordings to which a hand was fitted (docs/whole-hand.md, section 11).
 
-    A receiver that was put back elsewhere between two recordings counts as displaced at the first frame of
-    the second. Only receivers on bones of known anatomy are tested: elsewhere skin motion would be taken for
-    a loose receiver. Where the field is disturbed no receiver is reported, as the two cannot be separated.
+    A receiver that was put on elsewhere between two recordings is displaced at the first frame of the second.
+    Only receivers on bones of known anatomy are tested, as skin motion of others would be mistaken for a
+    loose receiver. If the field is disturbed no receiver is reported, as the two cannot be separated.
 
     Parameters
     ----------
     fit : HandFit
         The hand.
     recordings : sequence of Poses
-        What it was fitted to, in the order in which they were made.
+        Recordings to which it was fitted, in order of time.
 
     Returns
     -------
@@ -144,22 +146,22 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
 
 
 def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
-    """Find receivers that sit elsewhere in a recording than in the calibration, throughout or from a frame.
+    """Find receivers displaced relative to the calibration, throughout a recording or from a frame on.
 
-    The recording is compared with the fitted hand and its covariance. No receiver is reported where, after
-    they are put back, a disturbed field explains the remaining residuals.
+    The recording is compared with the fitted hand and its covariance. No receiver is reported if a disturbed
+    field explains the residuals that remain after correcting for the displacements.
 
     Parameters
     ----------
     fit : HandFit
-        The hand; its posterior is the prior here.
+        The hand; its posterior is used as the prior.
     poses : Poses
         Another recording of the same receivers.
 
     Returns
     -------
     list of LooseReceiver
-        In order of time; empty in recordings of less than `MOMENTS` frames.
+        Displacements in order of time; empty for recordings of fewer than `MOMENTS` frames.
 
     """
     if len(poses.frame) < MOMENTS:
@@ -192,7 +194,7 @@ def _loose(
     displaced: Sequence[Displacement],
     x: Array,
 ) -> list[LooseReceiver]:
-    """Name displaced receivers and moments; rows : of poses, the even frames."""
+    """Convert displacements to named receivers and moments; rows : indices of the even frames in poses."""
     recording = recording_of_rows(recordings)
     untempered = replace(problem, temper=1.0)
     loose = []
@@ -213,8 +215,16 @@ def _loose(
 class Tested:
     """Receivers that are tested for displacement.
 
-    normal : (S, 2) mm and rad by which skin alone may displace each. calibrated : whether the hand is known
-    from other recordings, in which case a receiver may have sat elsewhere throughout this one.
+    Attributes
+    ----------
+    receivers : tuple of int
+        Indices of the receivers.
+    normal : array, shape (S, 2)
+        Shift and turn that skin alone may cause, mm and rad.
+    calibrated : bool
+        Whether the hand was fitted to other recordings, so that a receiver may be displaced throughout this
+        one.
+
     """
 
     receivers: tuple[int, ...]
@@ -223,7 +233,7 @@ class Tested:
 
     @classmethod
     def of(cls, fit: SolvedFit) -> Tested:
-        """Return those over bones of known anatomy."""
+        """Select the receivers over bones of known anatomy."""
         names, metacarpals = fit.model.receivers, {d.segments[0] for d in known_digits(fit.layout)}
         kinds = ["metacarpal" if name in metacarpals else "phalanx" for name in names]
         kinds[names.index(root_of(fit.layout))] = "palm"
@@ -236,16 +246,16 @@ class Tested:
         Parameters
         ----------
         problem : Problem
-            What is fitted to what.
+            Chains, measured frames and priors.
         point : Point
-            The solution.
+            Solution.
         only : sequence of int, optional
-            Receivers to test; all of these if omitted.
+            Receivers to test; all of `receivers` if omitted.
 
         Returns
         -------
         ScoreTest
-            Gains of all displacements.
+            Evidence for all displacements.
 
         """
         receivers = only or self.receivers
@@ -253,24 +263,24 @@ class Tested:
 
 
 def recording_of_rows(recordings: Sequence[Poses]) -> Index:
-    """Index of the recording that each frame is from, where all are put one after the other.
+    """Return the index of the recording from which each frame of concatenated recordings is.
 
     Parameters
     ----------
     recordings : sequence of Poses
-        Recordings of T frames in all.
+        Recordings with T frames in total.
 
     Returns
     -------
     array of int, shape (T,)
-        Indices.
+        Index of the recording.
 
     """
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 
 def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
-    """Pose these frames, with residual sds from their scatter: a loose receiver inflates its fitted one."""
+    """Pose frames with residual sds from momentary scatter, as a loose receiver inflates the fitted sd."""
     samples = fit.problem.temper * len(fit.problem.frames.valid)
     temper = min(1.0, samples / len(frames.valid))
     problem = replace(fit.problem, frames=frames, temper=temper)
@@ -280,7 +290,7 @@ def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
 
 
 def _momentary_sd(problem: Problem, current: Residuals) -> Array:
-    """Sd (S, 2) of residuals from their differences, no larger than the problem's own."""
+    """Return the sd (S, 2) of residuals from their differences over a lag, at most the problem's sd."""
     sd = problem.sd.copy()
     lag = max(1, len(problem.frames.valid) // 30)
     for s, r in problem.residuals_of(current):
@@ -295,10 +305,11 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
 def _uncover(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """Return a start with displaced receivers in it, if that is likelier than a start without any.
+    """Return a starting point with displaced receivers, if it is likelier than the one without any.
 
-    skinless : the problem without skin motion. Joint angles jump when a receiver comes loose, so that
-    implausibly large skin motion in proportion to them can absorb the displacement and leave no residual.
+    Joint angles jump when a receiver comes loose, so that implausibly large skin motion in proportion to them
+    can absorb the displacement and leave no residual. Displacements are therefore sought in `skinless`, the
+    problem without skin motion.
     """
     start = pose(skinless, first_guess(skinless, model, np.zeros(len(point.x))), _POSING_STEPS)
     start = solve(skinless, start, _BARE_STEPS, NEARLY).point
@@ -314,7 +325,7 @@ def _uncover(
 def _search(
     problem: Problem, point: Point, displaced: list[Displacement], tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """All displacements of the tested receivers, each looked for with the earlier ones put back."""
+    """Find all displacements of the tested receivers, each after correcting for the previous ones."""
     corrected = replace(problem, frames=_certain(_put_back(problem.frames, displaced), displaced))
     for _ in range(MOST_MOVED if tested.calibrated else MOST_DISPLACEMENTS):
         rivals = tested.scored(corrected, point).rivals()
@@ -330,7 +341,7 @@ def _search(
 
 
 def _cost(refined: tuple[Problem, Point, Sequence[Displacement]]) -> float:
-    """Minus log posterior of a hand and its displacements."""
+    """Return the negative log posterior of a hand and its displacements."""
     problem, point, displaced = refined
     return residuals(problem, point).cost + sum(moved.cost for moved in displaced)
 
@@ -338,7 +349,7 @@ def _cost(refined: tuple[Problem, Point, Sequence[Displacement]]) -> float:
 def _leave_out_explained(
     problem: Problem, tested: Tested, point: Point, displaced: list[Displacement]
 ) -> tuple[list[Displacement], Array]:
-    """Drop displacements that later ones explain; return the others, and x with all receivers put back."""
+    """Drop displacements that later ones explain; return the others, and x after correcting for them."""
     for moved in displaced if len(displaced) > 1 else ():
         others = [other for other in displaced if other is not moved]
         corrected, start, refined = _refine(problem, point, tested, others)
@@ -354,9 +365,9 @@ def _refine(
     displaced: Sequence[Displacement],
     rivals: Sequence[Displacement] = (),
 ) -> tuple[Problem, Point, list[Displacement]]:
-    """Solve for the hand and these displacements by turns; return the corrected problem, point and them.
+    """Alternately estimate the hand and the displacements; return the corrected problem, point and both.
 
-    rivals : displacements that are compared with these, and therefore by the same frames.
+    rivals : alternatives with which the result is compared; uncertain frames of theirs are left out as well.
     """
     refined, corrected = list(displaced), problem
     for refinement in range(_REFINEMENTS + 1):
@@ -373,7 +384,7 @@ def _refine(
 
 
 def _add_displacement(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
-    """The displacements with another one added; a remainder of a known displacement is merged into it."""
+    """Add a displacement to the others, or merge it with one of the same receiver at about the same time."""
     for i, earlier in enumerate(displaced):
         later = max(abs(earlier.start - new.start), abs(earlier.end - new.end))
         if earlier.receiver == new.receiver and later <= _SAME_MOMENT:
@@ -392,7 +403,7 @@ def _put_back(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
 
 
 def _certain(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
-    """Make displaced receivers not valid in the few frames in which they may or may not have moved yet."""
+    """Mark displaced receivers as not valid in the few frames in which they may or may not have moved yet."""
     valid = frames.valid.copy()
     for moved in displaced:
         if not moved.slides:
@@ -410,13 +421,13 @@ def _exact_row(
     displaced: Displacement,
     others: Sequence[Displacement],
 ) -> int:
-    """Find the first row from which a displaced receiver is likelier; rows : (F,) of the even frames."""
+    """Find the row from which a receiver is displaced; rows : (F,) indices of the even frames in poses."""
     first = rows[max(0, displaced.start - _SAME_MOMENT)]
     last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
     frames = fit.convention.frames(poses.take(near))
     before, costs = [], []
-    for other in others:  # of the even frames, among the near ones
+    for other in others:  # convert moments among the even frames to moments among the near ones
         moments = (np.interp(moment, np.arange(len(rows)), rows) for moment in (other.start, other.end))
         start, stop = np.searchsorted(near, [*moments])
         before.append(replace(other, start=int(start), end=int(stop)))
@@ -424,5 +435,6 @@ def _exact_row(
         dense = replace(problem, frames=_put_back(frames, put_back))
         point = pose(dense, first_guess(dense, fit.model, x), _POSING_STEPS)
         costs.append(residuals(dense, point).frame_cost)
-    excess = np.concatenate([[0.0], np.cumsum(costs[0] - costs[1])])  # more with the receiver put back
+    # total cost, less a constant, if the displacement begins at each of these rows
+    excess = np.concatenate([[0.0], np.cumsum(costs[0] - costs[1])])
     return int(near[min(int(np.argmin(excess)), len(near) - 1)])

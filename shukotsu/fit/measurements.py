@@ -1,4 +1,4 @@
-"""Use measurements on the hand itself: bones with a calliper, receivers against the joints.
+"""Linear observations of a hand: measured bones and receiver positions, its breadth, and anatomical limits.
 
 On paper: docs/whole-hand.md, section 5.
 """
@@ -23,26 +23,35 @@ from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.verdict import LEAST_KNUCKLES_MM
 
 PLANE_SD_MM, PLANE_SD_RAD = PRIOR.MOUNT_SD_MM[1], PRIOR.MOUNT_TURN_SD_RAD
-"""Sd of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
-which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
+"""Sd of the position and direction of the plane through a hinge's child: receivers are placed by eye, a
+little beside the bone and turned. The turn matters more the farther away the joint is: together they make 2
+mm on a finger and 15 mm at the far end of a forearm."""
 
 FINGERS, KNUCKLES_SD_MM = ("index", "middle", "ring", "little"), 1.0
-"""Neighbours in order, and how sharply they keep their least distance: data that insist are reported."""
+"""Fingers in order, and the sd of the least distance between neighbouring knuckles; it is soft, and a hand
+whose data contradict it is reported."""
 
 MOUNT_PARTS = ("along", "lateral", "height")
-"""Parts of a receiver's place on its bone: x, y, z of the bone."""
+"""Components of a receiver's position on its bone: x, y, z of the bone."""
 
 _TURNS = 0.1
-"""Share of the largest singular value below which a direction counts as not determined by the motion."""
+"""Share of the largest singular value below which a direction is not determined by the motion."""
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured length, mm, 1-sigma.
+    """A length measured on the hand.
 
-    quantity : a segment for its bone, joint to joint; or `segment.along`, `.lateral`, `.height` for its
-    receiver's place from the bone's proximal joint: distally, towards the thumb, dorsally; or
-    `segment.distal`, to the next joint.
+    Attributes
+    ----------
+    quantity : str
+        A segment, for the length of its bone from joint to joint; `segment.along`, `.lateral` or `.height`,
+        for the position of its receiver relative to the bone's proximal joint, distally, towards the thumb
+        and dorsally; or `segment.distal`, for the distance along the bone from the receiver to the next
+        joint.
+    value_mm, sd_mm : float
+        Length and its 1-sigma error.
+
     """
 
     quantity: str
@@ -51,7 +60,7 @@ class Measurement:
 
 
 def measurable(layout: Layout) -> list[str]:
-    """Every quantity that can be measured on the hands of a layout, by name; none without known anatomy."""
+    """List the names of quantities that can be measured on a layout's hands; none without known anatomy."""
     names = []
     for digit in known_digits(layout):
         for segment in digit.segments:
@@ -67,19 +76,19 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
     Parameters
     ----------
     model : HandModel
-        The hand, whose lengths and receivers' places are amounts linear in x.
+        The hand, whose lengths and receiver positions are linear in x.
     measurements : sequence of Measurement
-        In mm, each with its sd.
+        Lengths measured on it.
 
     Returns
     -------
     Observations
-        A row a measurement, in units of its sd.
+        One row per measurement, in units of its sd.
 
     Raises
     ------
     InputError
-        Where one names neither a bone nor a receiver's place.
+        If a quantity is neither a bone nor a receiver's position.
 
     """
     rows, values = [], []
@@ -91,19 +100,19 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
 
 
 def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
-    """Observe the hand's breadth: the span of index and little finger's knuckles, and flesh that scales.
+    """Express the hand's breadth as an observation: span of the outer knuckles, and flesh that scales.
 
     Parameters
     ----------
     model : HandModel
         The hand.
     breadth_mm : float or None
-        Over skin, across the knuckles.
+        Breadth over skin, across the knuckles.
 
     Returns
     -------
     Observations
-        One row, or none where the breadth was not measured.
+        One row, or none if the breadth was not measured.
 
     """
     if breadth_mm is None or not model.length:
@@ -117,7 +126,7 @@ def breadth(model: HandModel, breadth_mm: float | None) -> Observations:
 
 
 def side_by_side(model: HandModel, x: Array) -> Observations:
-    """Hold apart neighbouring knuckles that are nearer to each other than bones are thick.
+    """Keep apart neighbouring knuckles that are closer to each other than the bones are thick.
 
     Parameters
     ----------
@@ -129,7 +138,7 @@ def side_by_side(model: HandModel, x: Array) -> Observations:
     Returns
     -------
     Observations
-        One for each pair that is too near: their least distance, over its sd.
+        One row for each pair that is too close: its least distance, in units of its sd.
 
     """
     names, rows, values = [name for name in FINGERS if name in model.knuckles], [], []
@@ -144,7 +153,7 @@ def side_by_side(model: HandModel, x: Array) -> Observations:
 
 
 def _apart(model: HandModel, first: str, second: str) -> Amount:
-    """Distance of two fingers' knuckles, along the line between them in the average hand."""
+    """Return the distance of two fingers' knuckles, along the line between them in the average hand."""
     ends = list(zip(model.knuckles[first], model.knuckles[second], strict=True))
     between = unit(np.array([near.constant - far.constant for near, far in ends]))
     whole = Amount(0.0, ())
@@ -154,7 +163,7 @@ def _apart(model: HandModel, first: str, second: str) -> Amount:
 
 
 def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
-    """Hold hinges without anatomy near the layout's plane, as motion leaves open where on its axis one lies.
+    """Keep hinges without anatomy near the layout's plane, as motion does not fix them along their axes.
 
     Parameters
     ----------
@@ -163,14 +172,14 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
     layout : Layout
         Planes of the joints.
     convention : Convention
-        Of the receivers' frames.
+        Axes of the receivers.
     frames : Frames
-        From which a hinge's distance from its receiver is estimated: the sd grows with it.
+        Frames from which a hinge's distance from its receiver is estimated; the sd grows with it.
 
     Returns
     -------
     Observations
-        A row for each hinge that has a plane.
+        One row for each hinge that has a plane.
 
     """
     rows, values, n_unknowns = [], [], len(model.unknowns.names)
@@ -188,7 +197,7 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
 
 
 def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
-    """Distance of a hinge's axis from its child's receiver, by Eq. 4 with what is not seen left out."""
+    """Return the distance of a hinge's axis from its child's receiver (Eq. 4, determined directions only)."""
     parent, child = (model.receivers.index(name) for name in (joint.parent_receiver, joint.child))
     both = frames.valid[:, parent] & frames.valid[:, child]
     back = frames.rotation[both, child].swapaxes(-1, -2)
@@ -199,7 +208,7 @@ def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
 
 
 def _amount(model: HandModel, quantity: str) -> Amount:
-    """The length or offset that a quantity's name stands for."""
+    """Return the length or offset that a quantity denotes."""
     segment, _, part = quantity.partition(".")
     try:
         if not part:

@@ -1,10 +1,10 @@
-"""Least squares over a whole hand: residuals, robust weights, steps with every frame's unknowns eliminated.
+"""Data of the least squares over a whole hand: problem, point, residuals and reduced normal equations.
 
-Unknowns of the hand (x, prior variance 1 over `precision`), states of every frame (y, weak priors) and its
-root pose. A frame's states enter only the receivers of their own branch, so that branch by branch they are
-eliminated first, then the root, then what is left is one dense system in x (Schur complement).
+Unknowns are those of the hand (x, prior precision `precision`), the states of every frame (y, weak priors)
+and the frame's root pose. A frame's states affect only the receivers of their branch. They are therefore
+eliminated first, branch by branch, then the root, which leaves one dense system in x (Schur complement).
 
-What it is made of; what runs is compiled (`compiled_equations`).
+The computations themselves are compiled (`compiled_equations`).
 
 On paper: docs/whole-hand.md, sections 4 to 6.
 """
@@ -25,23 +25,24 @@ from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import Array, exp_rotation
 
 _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
-"""Multiple of the median distance from the centre beyond which a position is an outlier (a flip, a spike)."""
+"""Multiple of the median distance from the centre beyond which a position is an outlier (a flip or a spike),
+and number of times that outliers are removed."""
 
 
 @dataclass(frozen=True)
 class FieldDistortion:
-    """Smooth distortion of a room's field, which turns what is measured by an angle that varies in space.
+    """Smooth distortion of a room's field, which rotates measured orientations differently at each position.
 
     B(t) of docs/whole-hand.md, section 4.
 
     Parameters
     ----------
     unknowns : array, shape (12,)
-        Indices into x of the turn about three axes, and of its slope along three more for each.
+        Indices into x of the rotation about three axes, then of its slope along x, y and z for each axis.
     centre_mm : array, shape (3,)
-        Middle of the receivers' places, where the slope adds nothing.
+        Mean position of the receivers, where the slope adds nothing.
     reach_mm : float
-        Distance from there beyond which the turn grows no more: that of the farthest receiver.
+        Distance from there beyond which the rotation no longer grows: that of the farthest receiver.
 
     """
 
@@ -56,37 +57,37 @@ class FieldDistortion:
         Parameters
         ----------
         unknowns : Unknowns
-            The hand's; twelve are added.
+            Unknowns of the hand, to which twelve are added.
         places_mm : array, shape (N, 3)
             Receivers in the transmitter frame, all frames together.
 
         Returns
         -------
         FieldDistortion
-            About the receivers' middle, outliers apart.
+            Distortion about the receivers' mean position without outliers.
 
         """
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
         near = places_mm
-        for _ in range(_TIMES_WITHOUT_FAR):  # without those that a tracker put elsewhere
+        for _ in range(_TIMES_WITHOUT_FAR):
             off_mm = np.linalg.norm(places_mm - near.mean(0), axis=1)
             near = places_mm[off_mm <= _FAR * np.median(off_mm)]
         reach_mm = float(np.linalg.norm(near - near.mean(0), axis=1).max())
         return cls(np.array(turns + slopes), near.mean(0), reach_mm)
 
     def by_unknown(self, position_mm: Array) -> Array:
-        """Compute the derivative of the turn by the field's unknowns.
+        """Compute the derivative of the field's rotation by its unknowns.
 
         Parameters
         ----------
         position_mm : array, shape (..., 3)
-            Places in the transmitter frame.
+            Positions in the transmitter frame.
 
         Returns
         -------
         array, shape (..., 3, 12)
-            Of a rotation vector in the transmitter frame, rad.
+            Derivative of a rotation vector in the transmitter frame, rad.
 
         """
         out = np.zeros((*position_mm.shape[:-1], 3, len(self.unknowns)))
@@ -97,18 +98,18 @@ class FieldDistortion:
         return out
 
     def _slope(self, position_mm: Array) -> Array:
-        """Derivative (..., 3) of each axis of the turn by the unknowns of its growth, at places (..., 3)."""
+        """Return the derivative (..., 3) of any component of the rotation by its three slopes."""
         off_mm = position_mm - self.centre_mm
         far = np.linalg.norm(off_mm, axis=-1, keepdims=True) / max(self.reach_mm, 1.0)
         return np.asarray(PRIOR.FIELD_SLOPE_SD_RAD_PER_MM * off_mm / np.maximum(far, 1.0))
 
     def turn(self, position_mm: Array, x: Array) -> Array:
-        """Compute the rotations by which the field turns receivers: B(t) of section 4.
+        """Compute the rotations that the field adds to receivers: B(t) of section 4.
 
         Parameters
         ----------
         position_mm : array, shape (..., 3)
-            Places in the transmitter frame.
+            Positions in the transmitter frame.
         x : array, shape (G,)
             The hand's unknowns.
 
@@ -129,16 +130,16 @@ class FieldDistortion:
         Parameters
         ----------
         rotation : array, shape (..., 3, 3)
-            As measured, receiver to transmitter frame.
+            Measured rotations, receiver to transmitter frame.
         position_mm : array, shape (..., 3)
-            Places in the transmitter frame.
+            Positions in the transmitter frame.
         x : array, shape (G,)
             The hand's unknowns.
 
         Returns
         -------
         array, shape (..., 3, 3)
-            The same without the field's turn.
+            The rotations without the field's contribution.
 
         """
         return np.asarray(self.turn(position_mm, -x) @ rotation)
@@ -147,7 +148,8 @@ class FieldDistortion:
 FrameSelection = Index | npt.NDArray[np.bool_] | slice
 
 HUBER = 3.55
-"""Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
+"""Norm of a receiver's six residuals in units of their sd beyond which they are weighted down; 95 % of normal
+residuals are below it."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ class Frames:
     valid: npt.NDArray[np.bool_]
 
     def take(self, rows: FrameSelection) -> Frames:
-        """Return some of the frames."""
+        """Select some of the frames."""
         return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
 
 
@@ -173,13 +175,13 @@ class Point:
     root_mm: Array
 
     def take(self, rows: FrameSelection) -> Point:
-        """Return some of the frames."""
+        """Select some of the frames."""
         return Point(self.x, self.y[rows], self.root[rows], self.root_mm[rows])
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Measured linear combinations of x: rows @ x = values, in units of their sd; (K, G), (K,)."""
+    """K measured linear combinations of x: rows (K, G) @ x = values (K,), in units of their sd."""
 
     rows: Array
     values: Array
@@ -191,22 +193,22 @@ class Observations:
         Parameters
         ----------
         rows : sequence of array, shape (G,)
-            Linear combinations of x, over their sd.
+            Linear combinations of x, divided by their sd.
         values : sequence of float
-            What was measured of each, over its sd.
+            Measured values, divided by their sd.
         n_unknowns : int
             Number of unknowns G.
 
         Returns
         -------
         Observations
-            All of them.
+            The combined observations.
 
         """
         return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
 
     def plus(self, other: Observations) -> Observations:
-        """Both."""
+        """Concatenate two sets of observations."""
         return Observations(
             np.concatenate([self.rows, other.rows]), np.concatenate([self.values, other.values])
         )
@@ -214,13 +216,32 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted to what.
+    """The least-squares problem: chains, measured frames and priors.
 
-    receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of a receiver's
-    position (mm) and rotation (rad) per component. temper : independent samples per frame.
-    state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x. state_link : (S, S) that takes
-    states less their means to what has that sd, where one is expected to follow another in its branch.
-    field : what turns receivers in the room, if that is fitted.
+    Attributes
+    ----------
+    branches : tuple of Branch
+        Chains from the root.
+    receivers : tuple
+        For each branch, pairs (mark in the branch, receiver in frames).
+    frames : Frames
+        Measured poses of S receivers.
+    sd : array, shape (S, 2)
+        Sd of a receiver's position, mm, and rotation, rad, per component.
+    temper : float
+        Independent samples per frame.
+    state_mean, state_sd : array
+        Prior of the joint angles, rad.
+    precision : array, shape (G,)
+        Precision of the prior of x.
+    observations : Observations
+        Measurements of x.
+    state_link : array, optional
+        Matrix from states less their means to independent components with `state_sd`, as some states follow
+        others of their branch.
+    field : FieldDistortion, optional
+        Distortion of the room's field, if it is fitted.
+
     """
 
     branches: tuple[Branch, ...]
@@ -236,7 +257,7 @@ class Problem:
     field: FieldDistortion | None = None
 
     def unknowns_of(self, index: int) -> Index:
-        """List the unknowns that move the receivers of a branch, or how these are measured.
+        """List the unknowns on which the residuals of a branch depend, those of the field included.
 
         Parameters
         ----------
@@ -246,14 +267,14 @@ class Problem:
         Returns
         -------
         array of int, shape (g,)
-            Indices into x, the field's last.
+            Indices into x; those of the field come last.
 
         """
         of_branch = self.branches[index].unknowns
         return of_branch if self.field is None else np.concatenate([of_branch, self.field.unknowns])
 
     def rotation(self, x: Array) -> Array:
-        """Compute the receivers' rotations with the field's turn undone.
+        """Compute the receivers' rotations without the field's contribution.
 
         Parameters
         ----------
@@ -271,12 +292,12 @@ class Problem:
         return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
 
     def residuals_of(self, current: Residuals) -> Iterator[tuple[int, Array]]:
-        """Yield the number of each receiver that is fitted, and its residuals (F, 6)."""
+        """Yield the index of each receiver that is fitted, and its residuals (F, 6)."""
         for receivers, branch in zip(self.receivers, current.branches, strict=True):
             yield from ((s, r) for (_, s), r in zip(receivers, branch.r, strict=True))
 
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
-        """Compute a square root of the precision of states' priors.
+        """Compute a square root of the precision of the states' prior.
 
         Parameters
         ----------
@@ -286,7 +307,7 @@ class Problem:
         Returns
         -------
         array, shape (s, s)
-            R with R^T R the precision, per rad.
+            R, 1/rad, such that R^T R is the precision.
 
         """
         link = np.eye(len(self.state_sd)) if self.state_link is None else self.state_link
@@ -294,8 +315,8 @@ class Problem:
 
 
 class BranchResiduals(NamedTuple):
-    """One branch's residuals (receivers, F, 6) over their sd, position before rotation and zero where not
-    valid; their robust weights (receivers, F); and where the chain reached.
+    """One branch's residuals r (receivers, F, 6) in units of their sd, position before rotation and zero for
+    receivers that are not valid; their robust weights (receivers, F); and the poses that the chain reached.
     """
 
     r: Array
@@ -305,9 +326,9 @@ class BranchResiduals(NamedTuple):
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals at a point, by branch; the cost, and each frame's part (F,) of it.
+    """Residuals at a point by branch, the cost, and each frame's part (F,) of it.
 
-    Residuals are in the measured receiver's own frame, wherever the transmitter is.
+    Residuals are in the frame of the measured receiver, so that they do not depend on the transmitter's pose.
     """
 
     branches: tuple[BranchResiduals, ...]
@@ -316,7 +337,7 @@ class Residuals:
 
 
 def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
-    """Compute twice the axis times the sine of the angle of rotations.
+    """Compute 2 sin(angle) times the axis of rotations, from the antisymmetric part of the matrix.
 
     Parameters
     ----------
@@ -326,7 +347,7 @@ def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
     Returns
     -------
     array, shape (..., 3)
-        Zero at half a turn.
+        Vectors, which vanish for half a turn as well as for none.
 
     """
     return np.stack(
@@ -363,7 +384,7 @@ def log_rotation(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
 
 @dataclass(frozen=True)
 class Elimination:
-    """A branch's states eliminated: y = -inverse^T (rhs + by_rest @ (root, x)).
+    """Elimination of a branch's states: dy = -inverse^T (rhs + by_rest @ (d_root, dx)).
 
     inverse : (F, s, s) inverse Cholesky factor L^-1; by_rest : (F, s, 6 + g) L^-1 B; rhs : (F, s) L^-1 b;
     unknowns : (g,) indices into x.
@@ -379,7 +400,8 @@ class Elimination:
 class Reduced:
     """Normal equations with all states and roots eliminated.
 
-    matrix : (G, G), gradient : (G,). root_inverse : (F, 6, 6), root_by_x : (F, 6, G), root_rhs : (F, 6).
+    matrix : (G, G), gradient : (G,) of x. root_inverse : (F, 6, 6), root_by_x : (F, 6, G), root_rhs : (F, 6)
+    for back substitution of the root, as in `Elimination`.
     """
 
     matrix: Array
@@ -396,16 +418,16 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
     Parameters
     ----------
     problem : Problem
-        What was solved.
+        Problem as solved.
     reduced : Reduced
-        Its normal equations at the solution, undamped.
+        Normal equations at the solution, undamped.
     weights : array, shape (F,)
         Share of each frame in the mean.
 
     Returns
     -------
     array, shape (S, G)
-        Derivative of the mean states, rad per unit of an unknown.
+        Derivative of the mean joint angles, rad per unit of an unknown.
 
     """
     G = reduced.matrix.shape[0]
@@ -420,7 +442,7 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
 
 
 def pairs(branches: Sequence[Branch], names: Sequence[str]) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Return of each branch the marks that are receivers, as pairs of mark and index into `names`."""
+    """Return for each branch its marks that are receivers, as pairs of mark and index into `names`."""
     numbers = {f"receiver {name}": i for i, name in enumerate(names)}
     return tuple(
         tuple((mark, numbers[name]) for mark, name in enumerate(branch.marks) if name in numbers)

@@ -1,9 +1,9 @@
-"""Chains of elementary operations, and the derivative of every pose in them.
+"""Chains of elementary operations, and the derivatives of the poses that they reach.
 
-A bone is reached from the root by rotations about and translations along constant axes. The amount of each
+A bone is reached from the root by rotations about, and translations along, constant axes. The amount of each
 is linear in the unknowns of the hand (x), in the joint angles of a frame (y), or in products of one of each.
-Then every derivative is a cross product: an operation at origin t_i with axis w, both in the root's frame,
-moves a point at t by w x (t - t_i) and turns it by w when it rotates; by w and not at all when it translates.
+Then every derivative is a cross product: per unit of its amount, a rotation with origin t_i and axis w, both
+in the root's frame, moves a point at t by w x (t - t_i) and turns it by w; a translation moves it by w.
 
 On paper: docs/whole-hand.md, section 2.
 """
@@ -23,7 +23,7 @@ NOTHING: Array = np.empty(0)
 
 @dataclass(frozen=True)
 class Term:
-    """coefficient * x[unknown] * y[state]; a factor that is None is left out."""
+    """A term coefficient * x[unknown] * y[state] of an amount; a factor whose index is None is omitted."""
 
     coefficient: float
     unknown: int | None = None
@@ -32,7 +32,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Operation:
-    """A rotation (rad) or translation (mm) along a unit axis in the frame reached so far, of all terms."""
+    """A rotation (rad) or translation (mm) by the sum of its terms, on a unit axis in the frame reached."""
 
     rotates: bool
     axis: Array
@@ -49,14 +49,14 @@ class Turn:
 
 @dataclass(frozen=True)
 class Mark:
-    """The frame reached here is a named one: a bone or a receiver."""
+    """A name for the frame reached here, for instance of a bone or a receiver."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Side:
-    """A side branch: the steps after it continue from where it starts."""
+    """A side branch; the steps after it continue from the frame in which it starts."""
 
     steps: tuple[Step, ...]
 
@@ -66,9 +66,10 @@ Step = Operation | Turn | Mark | Side
 
 @dataclass(frozen=True)
 class Reached:
-    """Marked poses and where every operation acts, over F frames, in the root's frame.
+    """Poses of M marks, and axis and origin of O operations, over F frames in the root's frame.
 
-    rotation : (M, F, 3, 3), position_mm : (M, F, 3) of the marks. axis, origin_mm : (O, F, 3).
+    rotation : (M, F, 3, 3), position_mm : (M, F, 3) of the marks. axis, origin_mm : (O, F, 3) of the
+    operations.
     """
 
     rotation: Array
@@ -78,11 +79,21 @@ class Reached:
 
 
 class Branch:
-    """A chain of steps from the root with its side branches, ready to be evaluated.
+    """A chain of steps from the root with its side branches, prepared for evaluation.
 
-    marks : names. unknowns : indices into x, states : into y, of those that occur. plan : steps in order,
-    each with the number of its operation or mark, and its constant. upstream : (M, O) which operations come
-    before a mark.
+    Attributes
+    ----------
+    plan : list of (str, int, array)
+        Kind of each step in order, index of its operation or mark, and its constant axis or rotation.
+    marks : tuple of str
+        Names of the M marks.
+    operations : tuple of Operation
+        The O operations.
+    upstream : array of bool, shape (M, O)
+        Which operations precede a mark.
+    unknowns, states : array of int
+        Indices into x and y on which the operations depend.
+
     """
 
     def __init__(self, steps: Sequence[Step]) -> None:
@@ -107,7 +118,7 @@ class Branch:
         operations: list[Operation],
         upstream: dict[str, list[int]],
     ) -> None:
-        """Write steps in a row into the plan; before : the operations that they follow."""
+        """Append steps to the plan; before : indices of the operations that precede them."""
         before = list(before)
         for step in steps:
             if isinstance(step, Operation):
@@ -125,7 +136,7 @@ class Branch:
                 self.plan.append(("return", 0, NOTHING))
 
     def _set_terms(self, terms: Sequence[tuple[int, Term]]) -> None:
-        """Sort all terms (operation, term) into the matrices of the derivatives."""
+        """Distribute all terms (operation, term) to the matrices of the derivatives."""
         self.unknowns: Index = np.array(
             sorted({term.unknown for _, term in terms if term.unknown is not None}), int
         )
@@ -162,7 +173,7 @@ class Branch:
         Returns
         -------
         array, shape (O, s)
-            mm or rad per rad.
+            Derivatives, mm or rad per rad.
 
         """
         by_state = self._by_state.copy()
@@ -176,9 +187,9 @@ class Branch:
         Parameters
         ----------
         reached : Reached
-            Of this branch.
+            Poses that this branch reached.
         marks : sequence of int
-            Numbers of M marks.
+            Indices of M marks.
 
         Returns
         -------
@@ -201,7 +212,7 @@ class Branch:
         Parameters
         ----------
         by_operation : array, shape (..., F, 6, O)
-            As `by_operation` returns them.
+            Derivatives as returned by `by_operation`.
         y : array, shape (F, S)
             Joint angles, rad.
 

@@ -1,4 +1,4 @@
-"""One skeleton of a hand under a model that fits it whole: fitted, and every recording posed with it.
+"""Write the tables of one fitted skeleton, and of all recordings posed with it.
 
 On paper: docs/whole-hand.md, sections 7 and 11.
 """
@@ -47,7 +47,7 @@ from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks
 
 
 def fitted_plan(plan: SubjectPlan, hand: str | None, model: str | None) -> SubjectPlan:
-    """Return the plan with the reference where that is to be made, of the recordings that the fit reads."""
+    """Restrict the plan to the recordings that the fit reads, and to the reference model if that is meant."""
     if model == REFERENCE:
         plan = replace(plan, models={REFERENCE: read_model(REFERENCE)})
     planned = plan.models.get(model or "") if plan.is_study else None
@@ -58,7 +58,7 @@ def fitted_plan(plan: SubjectPlan, hand: str | None, model: str | None) -> Subje
 
 
 def parts_of(plan: SubjectPlan, hand: str | None, model: str | None) -> list[Part]:
-    """Return skeletons of the hand under the model; InputError where the plan has no such hand or model."""
+    """List the hand's skeletons under the model; raise InputError if the plan lacks the hand or the model."""
     if model is None:
         raise InputError("--model: is missing; expected a skeleton model that fits the whole hand")
     model = model if plan.is_study else next(iter(plan.models))
@@ -72,9 +72,10 @@ def parts_of(plan: SubjectPlan, hand: str | None, model: str | None) -> list[Par
 
 
 def fitted_tables(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter]) -> list[PartsWriter]:
-    """Return the tables that record why the skeleton cannot be fitted; the others stay empty.
+    """Return the tables in which to record why the skeleton cannot be fitted.
 
-    Of a hand without a usable recording the study's problems are those of recordings, which say it all.
+    If the hand has no usable recording, some tables are written without rows instead, as the study's problems
+    already report the recordings.
     """
     recorded = dict(tables)
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
@@ -90,7 +91,7 @@ def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], 
     Parameters
     ----------
     plan : SubjectPlan
-        What the study knows of the person.
+        Recordings, layouts and models of the subject.
     part : Part
         Hand, model, and the task left out.
     tables : mapping of str to PartsWriter
@@ -101,24 +102,24 @@ def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], 
     """
     tips = hand.tips
     note = {"note": hand.alone} if hand.alone else {}
-    weighed = not plan.models[part.model].is_reference
-    tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
-    tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
+    from_data = not plan.models[part.model].is_reference
+    tables["fitted_joints"].rows(part, joint_rows(tips.fit, from_data=from_data))
+    tables["fitted_bones"].rows(part, bone_rows(tips.fit, from_data=from_data))
     tables["receivers"].rows(part, receiver_rows(tips, hand.unsteady), **note)
-    tables["gains"].rows(part, gains(tips) if weighed else [])
-    tables["length_pulls"].rows(part, pull_rows(tips.fit) if weighed else [])
+    tables["gains"].rows(part, gains(tips) if from_data else [])
+    tables["length_pulls"].rows(part, pull_rows(tips.fit) if from_data else [])
     for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
-    layout, recordings = plan.layouts[part.hand], plan.posed if weighed else plan.evaluated
+    layout, recordings = plan.layouts[part.hand], plan.posed if from_data else plan.evaluated
     for recording in recordings(part.hand, part.made_without):
         for path in usable_poses([plan.poses(recording)])[0]:
-            if not weighed:
+            if not from_data:
                 for name, columns in posed_sample(tips, path).items():
                     tables[name].columns(part, columns)
                 continue
             only_calibrates, moved = recording.role == "calibration", []
-            # a suspect recording's declarations come first; the fit has checked its own calibration
+            # a suspect recording must first be corrected; the fit itself has checked calibrations
             if not only_calibrates and recording not in plan.suspect:
                 moved = moved_in(tips.fit, read_thinned(path, layout.measured))
             tables["moved_receivers"].rows(part, moved_rows(layout, recording_name(path), moved))
@@ -130,10 +131,11 @@ def write_fit(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter], 
 
 BLOCK_FRAMES = 1 << 14
 LEFT_OUT_FRAMES = 512
-"""Frames of a recording, evenly spaced, that are posed without the distal receivers' positions as well."""
+"""Number of evenly spaced frames of a recording that are also posed without the distal receivers'
+positions."""
 
 ENDS = {BONE: "tip", TIP: "skin_tip"}
-"""Where a digit ends, and what its columns of posed_tips begin with."""
+"""Parts of a fingertip, and the prefixes of their columns in posed_tips."""
 
 ERRORS_OF_ANGLES = {
     "sd_deg": "angles_deg",
@@ -141,11 +143,11 @@ ERRORS_OF_ANGLES = {
     "session_sd_deg": "session_deg",
     "session_change_sd_deg": "session_changes_deg",
 }
-"""Columns of joint_angles, without the angle's name, and what of `PosedErrors` is in them."""
+"""Suffixes of columns of joint_angles, and the attribute of `PosedErrors` in each."""
 
 UNSEEN_TURN_DEG = float(np.degrees(NORMAL["phalanx"][1]))
-"""1-sigma (our choice) by which the receiver on a digit's last bone may be turned about the joint before it,
-in another recording than its hand was fitted to: nothing beyond that joint tells."""
+"""1-sigma turn (our choice) of the receiver on a digit's last bone about the last joint in a recording to
+which the hand was not fitted: no receiver beyond that joint would show it."""
 
 Columns = dict[str, Any]
 
@@ -153,7 +155,7 @@ Columns = dict[str, Any]
 def posed_blocks(
     tips: Fingertips, path: Path, moved: Sequence[LooseReceiver] = (), *, calibrates: bool = False
 ) -> Iterator[dict[str, Columns]]:
-    """Pose a recording block by block; what no receiver shows is null (`hand.measured`).
+    """Pose a recording block by block; values that no receiver shows are null (`hand.measured`).
 
     Parameters
     ----------
@@ -162,8 +164,8 @@ def posed_blocks(
     path : Path
         Poses file.
     moved : sequence of LooseReceiver
-        Receivers that sit elsewhere in the recording: from then on they are not used, and what hangs on them
-        is null.
+        Receivers that are displaced in the recording: from that frame on they are not used, and joints and
+        digits that depend on them are null.
     calibrates : bool
         Whether the hand was fitted to the recording.
 
@@ -175,7 +177,7 @@ def posed_blocks(
     Raises
     ------
     InputError
-        Where the file is not a poses table.
+        If the file is not a poses table.
 
     """
     fit, name = tips.fit, recording_name(path)
@@ -186,6 +188,7 @@ def posed_blocks(
         for receiver in moved:
             valid[recorded.frame >= receiver.start.frame, recorded.index(receiver.segment)] = False
         poses = replace(recorded, valid=valid)
+        # every step-th frame of the whole recording is also posed without the distal receivers
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
         ends_mm = _ends_mm(tips, posed, poses)
         frames = fit.convention.frames(poses)
@@ -203,25 +206,26 @@ def posed_blocks(
             layout, since = fit.layout, poses.frame >= receiver.start.frame
             joints = joints_beside(layout, receiver.segment)
             digits = digits_carried(layout, receiver.segment)
-            _forget(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
-            _forget(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
-        _forget_unmeasured(block, fit, poses)
+            _set_null(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
+            _set_null(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
+        _set_unmeasured_null(block, fit, poses)
         yield block
         first += len(poses.frame)
 
 
-def _forget_unmeasured(block: Mapping[str, Columns], fit: HandFit, poses: Poses) -> None:
-    """Make null what no receiver of the fit shows."""
+def _set_unmeasured_null(block: Mapping[str, Columns], fit: HandFit, poses: Poses) -> None:
+    """Set to null all values that no receiver of the fit shows."""
     valid = poses.valid & np.isin(poses.segments, fit.model.receivers)
     measured, posed = measured_in(fit.layout, poses.segments, valid), valid.sum(1) >= LEAST_RECEIVERS
     of_table = {"joint_angles": measured.joints, "bone_poses": measured.bones, "posed_tips": measured.tips}
     for table, columns in block.items():
-        _forget(columns, {name: ~(seen & posed) for name, seen in of_table[table].items()}, NOT_MEASURED)
+        _set_null(columns, {name: ~(seen & posed) for name, seen in of_table[table].items()}, NOT_MEASURED)
 
 
-def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
-    """Set numbers to null and flag the reason, unless there is a flag already. gone : frames (T,) to clear,
-    by joint, segment or digit.
+def _set_null(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
+    """Set numbers to null, and flag the reason in rows without a flag.
+
+    gone : frames (T,) to clear, by joint, segment or digit.
     """
     key = next(key for key in ("joint", "segment", "digit") if key in columns)
     names = columns[key].unique().to_pylist()
@@ -236,7 +240,7 @@ def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: s
 
 
 def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
-    """Pose a few frames of a recording by the hand that anatomy expects.
+    """Pose a few frames of a recording with the hand that anatomy alone predicts.
 
     Parameters
     ----------
@@ -258,14 +262,14 @@ def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
         "bone_poses": bone_columns(name, posed, poses),
         "posed_tips": tip_columns(name, fit, posed, poses, every, _ends_mm(tips, posed)),
     }
-    _forget_unmeasured(block, fit, poses)
+    _set_unmeasured_null(block, fit, poses)
     return block
 
 
 def angle_columns(
     name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
-    """Columns of joint_angles for some frames, joint after joint (docs/whole-hand.md, section 11).
+    """Build the columns of joint_angles for some frames, joint after joint (section 11).
 
     Parameters
     ----------
@@ -303,7 +307,7 @@ def angle_columns(
 def bone_columns(
     name: RecordingName, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
-    """Columns of bone_poses for some frames, bone after bone (docs/whole-hand.md, section 11).
+    """Build the columns of bone_poses for some frames, bone after bone (section 11).
 
     Parameters
     ----------
@@ -340,7 +344,7 @@ def tip_columns(
     ends_mm: Mapping[str, Array],
     errors: PosedErrors | None = None,
 ) -> Columns:
-    """Columns of posed_tips for some frames, digit after digit (docs/whole-hand.md, section 11).
+    """Build the columns of posed_tips for some frames, digit after digit (section 11).
 
     Parameters
     ----------
@@ -353,9 +357,9 @@ def tip_columns(
     poses : Poses
         The same T frames of the recording.
     left_out : array of int, shape (F,)
-        Frames that are posed without the distal receivers as well, for the error of a tip that was left out.
+        Frames that are also posed without the distal receivers' positions, for the column error_left_out_mm.
     ends_mm : mapping of str to array, shape (T, D, 3)
-        Ends of the digits with a tip, by part (`ENDS`), transmitter frame.
+        Ends of the digits, by part (`ENDS`), in the transmitter frame.
     errors : PosedErrors, optional
         Errors of the frames; null if omitted.
 
@@ -394,14 +398,15 @@ def tip_columns(
 
 
 def digits_with_tip(fit: HandFit) -> list[Digit]:
-    """Digits whose last bone carries a receiver that the fit knows."""
+    """List the digits whose last bone carries a receiver of the fit."""
     return [digit for digit in fit.layout.digits.values() if digit.tip in fit.model.receivers]
 
 
 def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> dict[str, Array]:
-    """Ends (T, D, 3) of last bones and of the skin beyond them, by part (`ENDS`); NaN without known anatomy.
+    """Compute the ends (T, D, 3) of bone and skin of digits, by part (`ENDS`); NaN without known anatomy.
 
-    Carried by the posed bone or, where poses have it, by the distal receiver, which follows its bone better.
+    They are carried by the distal receiver if poses are passed and it is valid, as it follows its bone
+    better, otherwise by the posed bone.
     """
     fit, digits = tips.fit, list(tips.digits)
     mirrored_y = MIRROR if fit.convention.left else np.ones(3)
@@ -423,7 +428,7 @@ def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> 
 
 
 def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) -> Columns:
-    """Key columns of several joints, segments or digits after each other, every one over all frames."""
+    """Build the key columns of joints, segments or digits one after the other, each over all frames."""
     n_frames = len(poses.frame)
     texts = {"task": name.task, "trial": name.trial}
     columns: Columns = {text: pa.repeat(value, n_frames * len(values)) for text, value in texts.items()}
@@ -433,15 +438,12 @@ def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) ->
 
 
 def _stack(values: Array) -> Array:
-    """(T, N, ...) as (N T, ...), name after name."""
+    """Reshape (T, N, ...) to (N T, ...), name after name."""
     return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
 
 
 def _turns_deg(posed: PosedHand, layout: Layout) -> dict[str, Array]:
-    """Turns (T, 3) in degrees about the three axes of each joint of which no anatomy is known.
-
-    An axis that the joint lacks gives NaN.
-    """
+    """Return rotations (T, 3), deg, about the axes of joints without known anatomy; NaN for missing axes."""
     by_anatomy = {joint for digit in known_digits(layout) for joint in digit.joints}
     turns: dict[str, Array] = {}
     for index, (joint, kind) in enumerate(posed.angle_names):

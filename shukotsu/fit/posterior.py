@@ -1,8 +1,8 @@
 """The posterior of a fitted hand, and every bone and receiver at the mean posture with its derivatives.
 
-The mean posture is the mean over the recording of every joint angle. A joint centre is stated where it was
-there, in the receiver's frame as the receiver rode on the skin: how skin moved a receiver from where it sits
-on a straight digit is an extrapolation that no recording shows.
+The mean posture is the mean of every joint angle over the recording. A joint centre is stated at this
+posture, in the receiver's frame as skin had moved the receiver there. Where the receiver would be on a
+straight digit is an extrapolation that no recording shows.
 
 On paper: docs/whole-hand.md, sections 7 and 8.
 """
@@ -52,13 +52,13 @@ class Posterior:
         Parameters
         ----------
         problem : Problem
-            What was solved.
+            Problem as solved.
         point : Point
-            The solution.
+            Solution.
         reduced : Reduced
-            Normal equations there, undamped.
+            Normal equations at the solution, undamped.
         share : array, shape (F,)
-            Share of the recording that each frame stands for.
+            Share of the recording that each frame represents.
 
         Returns
         -------
@@ -74,7 +74,7 @@ class Posterior:
         )
 
     def moved_to(self, x: Array, covariance: Array) -> Posterior:
-        """Replace mean and covariance; mean joint angles follow to first order.
+        """Replace mean and covariance, and update the mean joint angles to first order.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class Posterior:
         Returns
         -------
         Posterior
-            The new one.
+            Posterior with that mean and covariance.
 
         """
         states = self.mean_states + self.states_by_x @ (x - self.x)
@@ -105,17 +105,17 @@ class SolvedFit:
     Parameters
     ----------
     layout, model, convention, problem
-        What was fitted, and to which F frames; its residual sd and precisions are those of the last round.
+        Definition of the fit to F frames; residual sd and prior precision are those of the last round.
     posterior : Posterior
-        Of the hand's unknowns, conditioned on the other hand and on touches where there are any.
+        Posterior of the hand's unknowns, conditioned on the other hand and on touches if there are any.
     alone : Posterior
-        Before it was conditioned on them.
+        Posterior before it was conditioned on them.
     share : array, shape (F,)
-        Share of the recording that each frame stands for.
+        Share of the recording that each frame represents.
     states : array, shape (F, S)
         Joint angles of the frames, rad.
     converged : bool
-        Whether the last round's steps became negligible.
+        Whether the last round converged.
 
     """
 
@@ -132,7 +132,10 @@ class SolvedFit:
 
 @dataclass(frozen=True)
 class Place:
-    """A marked frame seen from the base bone, and how it moves and turns with the unknowns: (3, G) each."""
+    """Pose R, t of a marked frame in the base bone's frame, and its derivatives by the unknowns.
+
+    moved, turned : (3, G) of its origin, mm, and of its rotation vector, rad.
+    """
 
     R: Array
     t: Array
@@ -150,7 +153,7 @@ class Place:
         Returns
         -------
         origin_mm : array, shape (3,)
-            Its origin.
+            Origin of the other frame.
         by_x : array, shape (3, G)
             Derivative by the unknowns.
 
@@ -160,7 +163,7 @@ class Place:
         return self.R.T @ arm, self.R.T @ moved
 
     def carrying(self, point_mm: Array, by_x: Array) -> Place:
-        """Compute the place of a point that this frame carries.
+        """Compute the pose of a point that this frame carries.
 
         Parameters
         ----------
@@ -187,7 +190,7 @@ class Place:
         axis : array, shape (3,)
             Unit axis in the base bone's frame.
         turned : array, shape (3, G)
-            How it turns with the unknowns, rad.
+            Derivative of its rotation by the unknowns, rad.
 
         Returns
         -------
@@ -213,7 +216,7 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
     Returns
     -------
     dict of str to Place
-        By mark: pose in the hand's frame, mm, and how it moves with the unknowns.
+        By mark: pose in the hand's frame, mm, and its derivatives by the unknowns.
 
     """
     y = posterior.mean_states[None]
@@ -239,7 +242,7 @@ def centre_by_unknowns(
     Parameters
     ----------
     joint : Joint
-        Of the layout.
+        Joint of the layout.
     places : mapping of str to Place
         Every marked frame at the mean posture (`places_of`).
     fit : SolvedFit
@@ -248,9 +251,9 @@ def centre_by_unknowns(
     Returns
     -------
     points : dict of str to array, shape (3,)
-        By segment of the receiver, mm in its fitted frame; NaN without a receiver.
+        Centre by segment of the receiver, mm in the receiver's frame of the fit; NaN without a receiver.
     by_x : array, shape (6, G)
-        Derivatives of both in the receivers' own frames, the parent's first.
+        Derivatives of both centres in the receivers' original frames, the parent's first.
 
     """
     centre = places[fit.model.centres[joint.name]]

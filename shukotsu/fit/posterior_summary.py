@@ -22,7 +22,8 @@ from shukotsu.study.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSET
 from shukotsu.translation import listed
 
 STRANGE_SD = 5.0
-"""Distance from the average hand that indicates wrong units, or a receiver swapped or off its bone."""
+"""Deviation of an unknown from the average hand, in sd, that indicates wrong units, or a receiver that is
+swapped or off its bone."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +33,16 @@ class FittedJoint:
     Parameters
     ----------
     name : str
-        As the layout calls it.
+        Name in the layout.
     parent_segment, child_segment : str
-        Segments of the receivers on both sides; empty where one could be worn and is not.
+        Segments of the receivers on both sides; empty if a receiver could be worn there but is not.
     dof : int
         Degrees of freedom.
     parent_mm, child_mm : array, shape (3,)
-        Centre in each receiver's frame, NaN without one; of a joint that does not move, which has no axis and
-        no range, in the parent's alone, or the child's where the parent is empty.
+        Centre in each receiver's frame; NaN without a receiver. A joint that does not move has no axis and no
+        range, and its centre is stated only in the parent's frame, or in the child's if there is no parent.
     covariance_mm2 : array, shape (6, 6)
-        Of both, mm^2.
+        Joint covariance of parent_mm and child_mm.
     axis_parent, axis_child : array, shape (3,)
         Unit flexion axis in each receiver's frame.
     axis_sd_deg : float
@@ -49,11 +50,11 @@ class FittedJoint:
     range_deg : float
         Range of flexion over the frames fitted.
     gap_rms_mm : float
-        Distance of the two halves of the centre in the recording, root mean square.
+        Root mean square distance in the recording between the centres that the two receivers carry.
     doubts : mapping
-        What is known against the centre beside its numbers.
+        Reasons to doubt the centre that its numbers do not show, by kind.
     message : str
-        Why no receiver carries it.
+        Why no receiver carries the centre; otherwise empty.
 
     """
 
@@ -74,7 +75,7 @@ class FittedJoint:
 
     @property
     def sd_mm(self) -> float:
-        """1-sigma error in 3-D of the centre, the worse half's; NaN without a receiver."""
+        """1-sigma error in 3-D of the centre, the larger one of both receivers; NaN without a receiver."""
         variance = np.diag(self.covariance_mm2).reshape(2, 3).sum(1)
         return float(np.sqrt(np.fmax(*variance)))
 
@@ -89,23 +90,23 @@ class FittedBone:
 
 @dataclass(frozen=True)
 class AngleAxes:
-    """A joint's zero and the axes of its angles, of a right hand, in the frames of its bones.
+    """Zero and axes of a joint's angles, for a right hand, in the frames of its bones.
 
     Parameters
     ----------
     parent, child : str
-        The bones.
+        Bones of the joint.
     rest : array, shape (4,)
-        Child to parent at zero, the straight digit as it lies in the flat hand, (w, x, y, z).
+        Rotation from child to parent at zero, (w, x, y, z): the straight digit in the flat hand.
     rest_by_x : array, shape (3, G)
-        How it turns in the parent's frame with the unknowns, rad.
+        Derivative of that rotation by the unknowns, rad in the parent's frame.
     turn_rad : float
-        By how much the axes stand about the child bone from its frame, so that the first lies as the fitted
-        axis of flexion does.
+        Rotation of the axes about the child bone relative to its frame, which brings the first of them to the
+        fitted flexion axis.
     turn_by_x : array, shape (G,)
-        Its derivative by the unknowns.
+        Derivative of turn_rad by the unknowns.
     turn_sd_deg : float
-        Its 1-sigma error.
+        1-sigma error of turn_rad.
 
     """
 
@@ -118,7 +119,7 @@ class AngleAxes:
     turn_sd_deg: float
 
     def of_hand(self, hand: str, more_rad: float = 0.0) -> tuple[Array, Array]:
-        """Rest and turn in the bone frames of a right or a left hand.
+        """Return rest and turn in the bone frames of a right or a left hand.
 
         Parameters
         ----------
@@ -146,13 +147,13 @@ class HandSummary:
     Parameters
     ----------
     joints : dict of str to FittedJoint
-        Between two receivers.
+        Joints between two receivers.
     lone : dict of str to FittedJoint
-        Beside which a receiver could be worn and is not.
+        Joints beside which a receiver could be worn but is not.
     palm : dict of str to FittedJoint
-        Whose child segment carries none.
+        Joints whose child segment never carries a receiver.
     fixed : dict of str to FittedJoint
-        Centres that do not move (the wrist, where it is no joint).
+        Centres of joints that do not move, and the wrist's if no receiver is on the forearm.
     angle_axes : dict of str to AngleAxes
         Zero and axes of the angles, by joint.
 
@@ -201,19 +202,19 @@ def summarise(fit: SolvedFit) -> HandSummary:
 
 
 def unmodelled_mm2(joint: str, fit: SolvedFit) -> float:
-    """Compute what the model does not know of a joint's centre, U^2 of docs/whole-hand.md, section 8.
+    """Return the variance of a joint's centre due to model errors, U^2 of docs/whole-hand.md, section 8.
 
     Parameters
     ----------
     joint : str
-        As the layout calls it.
+        Name in the layout.
     fit : SolvedFit
         The hand.
 
     Returns
     -------
     float
-        Variance per direction, mm^2, beside all that is fitted; 0 without known anatomy.
+        Variance per direction, mm^2, in addition to that of the fit; 0 without known anatomy.
 
     """
     for digit in known_digits(fit.layout):
@@ -226,24 +227,25 @@ def unmodelled_mm2(joint: str, fit: SolvedFit) -> float:
 
 
 def unshown_mm2(segment: str, point_mm: Array, fit: SolvedFit) -> Array:
-    """Compute the covariance that skin adds to a point and that leaves no residual: W of section 8.
+    """Compute the covariance of a point due to skin motion that leaves no residual: W of section 8.
 
-    A receiver that slides by c mm per rad moves centres by c mm and leaves no gap. The fit has the linear
-    slides of a digit's receivers; of the rest, and of the back of the hand, it knows only the size.
+    A receiver that slides by c mm per rad moves centres by c mm and leaves no gap. The fit has unknowns for
+    the linear slides of a digit's receivers. Of nonlinear slides, and of skin on the back of the hand, only
+    the typical size is known.
 
     Parameters
     ----------
     segment : str
-        Of the receiver.
+        Segment that carries the receiver.
     point_mm : array, shape (3,)
-        In the receiver's own frame.
+        Point in the receiver's original frame.
     fit : SolvedFit
         The hand.
 
     Returns
     -------
     array, shape (3, 3)
-        mm^2, in the receiver's own frame.
+        Covariance, mm^2, in the receiver's original frame.
 
     """
     turn = fit.convention.point_matrix(segment)
@@ -283,7 +285,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], fit: SolvedFit) -> FittedJ
     doubts, sides = _doubts(joint, fit), (joint.parent_receiver, joint.child)
     unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
     nowhere = (
-        f"no receiver on {listed(unworn)}: no worn receiver carries the centre; what is known is in "
+        f"no receiver on {listed(unworn)}: no worn receiver carries the centre; its estimate is in "
         "bone_lengths and bone_poses"
     )
     return FittedJoint(
@@ -307,7 +309,11 @@ def _joint(joint: Joint, places: Mapping[str, Place], fit: SolvedFit) -> FittedJ
 def _anatomical_joint(
     joint: str, ends: tuple[str, str], segment: str, seen: tuple[Array, Array], fit: SolvedFit
 ) -> FittedJoint:
-    """A centre that anatomy places, `seen` by a receiver; ends : parent and child segment."""
+    """Build a joint whose centre follows from anatomy.
+
+    ends : parent and child segment. seen : the centre in the frame of the receiver on `segment`, and its
+    derivative by the unknowns (`Place.sees`).
+    """
     by_x = fit.convention.point_matrix(segment) @ seen[1]
     side = 0 if ends[0] else 1
     half = slice(3 * side, 3 * side + 3)
@@ -334,7 +340,7 @@ def _anatomical_joint(
 
 
 def _gap_rms_mm(joint: Joint, fit: SolvedFit, points: Mapping[str, Array]) -> float:
-    """Root mean square distance of the two halves of a centre in the recording; NaN where there is none."""
+    """Return the rms distance between the centres that both receivers carry; NaN if never valid together."""
     receivers, frames = fit.model.receivers, fit.problem.frames
     if not {joint.parent_receiver, joint.child} <= set(receivers):
         return float("nan")
@@ -349,7 +355,7 @@ def _gap_rms_mm(joint: Joint, fit: SolvedFit, points: Mapping[str, Array]) -> fl
 
 
 def _doubts(joint: Joint, fit: SolvedFit) -> dict[str, Values]:
-    """List the doubts about a joint's centre that its numbers do not show, by kind; the hand's first."""
+    """List reasons to doubt a joint's centre that its numbers do not show, by kind; the hand's first."""
     off = np.abs(fit.posterior.x) * np.sqrt(fit.problem.precision)
     strangest, receivers = int(np.argmax(off)), fit.model.receivers
     sides = (joint.parent_receiver, joint.child)
@@ -371,7 +377,8 @@ def _doubts(joint: Joint, fit: SolvedFit) -> dict[str, Values]:
 def angle_axes(fit: SolvedFit, places: Mapping[str, Place]) -> dict[str, AngleAxes]:
     """Compute zero and axes of the angles of all joints with known anatomy that move (section 8).
 
-    The axes of a thumb's CMC joint follow its nail's side, as the axis of the MCP joint shows it.
+    The axes of a thumb's CMC joint are oriented by the axis of its MCP joint, which shows where the nail
+    faces.
 
     Parameters
     ----------
@@ -407,7 +414,7 @@ def angle_axes(fit: SolvedFit, places: Mapping[str, Place]) -> dict[str, AngleAx
 
 
 def _rests(fit: SolvedFit, places: Mapping[str, Place], digit: Digit) -> Iterator[tuple[Place, Place, Array]]:
-    """Each joint's parent bone, its child bone at zero, and how that turns in the parent's frame."""
+    """Yield each joint's parent bone, child bone at zero, and derivative of its rotation in the parent."""
     still = np.zeros((3, len(fit.posterior.x)))
     above = np.eye(3)
     for k, frame in enumerate(fit.model.anatomy[digit.name].frames()):

@@ -1,4 +1,5 @@
-"""From pose tables to the frames that are fitted: one convention for every receiver, a right hand always.
+"""Convert poses to the frames of the fit, with common receiver axes and always for a right hand; choose
+frames.
 
 On paper: docs/whole-hand.md, sections 1 and 5.
 """
@@ -19,19 +20,27 @@ from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 
 FINGER_MM = 80.0
-"""Change of a distance that counts as much as a rotation by one radian (our choice)."""
+"""Change of a distance that is equivalent to a rotation by one radian (our choice)."""
 
 MOST_CANDIDATES = 1500
-"""Most candidates; neighbouring frames beyond this number repeat the same postures."""
+"""Largest number of candidate frames; more would only be neighbouring frames of the same postures."""
 
 
 @dataclass(frozen=True)
 class Convention:
-    """Change between receivers' own frames and those of the fit: x distal, z dorsal, of a right hand always.
+    """Conversion between receivers' original frames and those of the fit: x distal, z dorsal, a right hand.
 
     Left hands are fitted as mirror images.
 
-    axes : (S, 3, 3) columns distal, lateral (z x x) and dorsal in the receiver's own frame.
+    Attributes
+    ----------
+    receivers : tuple of str
+        Segments of S receivers.
+    axes : array, shape (S, 3, 3)
+        Columns are the distal, lateral (z x x) and dorsal axis in the receiver's original frame.
+    left : bool
+        Whether the hand is a left one.
+
     """
 
     receivers: tuple[str, ...]
@@ -54,7 +63,7 @@ class Convention:
         Returns
         -------
         Frames
-            Bone-like frames of S receivers, of a right hand.
+            Frames of S receivers with axes along their bones, as a right hand.
 
         """
         index = [poses.index(name) if name in poses.segments else -1 for name in self.receivers]
@@ -70,57 +79,57 @@ class Convention:
         return Frames(rotation, position, valid)
 
     def point(self, receiver: str, points_mm: Array) -> Array:
-        """Convert points from the fit's frame of a receiver to its own.
+        """Convert points from the fit's frame of a receiver to its original frame.
 
         Parameters
         ----------
         receiver : str
             Segment that carries it.
         points_mm : array, shape (..., 3)
-            In the fit's frame.
+            Points in the fit's frame.
 
         Returns
         -------
         array, shape (..., 3)
-            In the receiver's own frame, mm.
+            Points in the receiver's original frame, mm.
 
         """
         return np.asarray(points_mm @ self.point_matrix(receiver).T)
 
     def axis(self, receiver: str, axes: Array) -> Array:
-        """Convert axes of rotation, which mirror as pseudo-vectors, to a receiver's own frame.
+        """Convert axes of rotation, which mirror as pseudo-vectors, to a receiver's original frame.
 
         Parameters
         ----------
         receiver : str
             Segment that carries it.
         axes : array, shape (..., 3)
-            In the fit's frame.
+            Axes in the fit's frame.
 
         Returns
         -------
         array, shape (..., 3)
-            In the receiver's own frame.
+            Axes in the receiver's original frame.
 
         """
         return np.asarray((-axes if self.left else axes) @ self.point_matrix(receiver).T)
 
     def point_matrix(self, receiver: str) -> Array:
-        """Matrix (3, 3) that `point` multiplies with; NaN for a segment without a receiver."""
+        """Return the matrix (3, 3) by which `point` multiplies; NaN for a segment without a receiver."""
         if receiver not in self.receivers:
             return np.full((3, 3), np.nan)
         axes_of_receiver = self.axes[self.receivers.index(receiver)]
         return np.asarray(axes_of_receiver * MIRROR if self.left else axes_of_receiver)
 
     def world(self, rotation: Array, position_mm: Array) -> tuple[Array, Array]:
-        """Convert bone poses back to the transmitter's frame; x stays distal, z dorsal.
+        """Convert bone poses back to the transmitter's frame; bones keep x distal and z dorsal.
 
         Parameters
         ----------
         rotation : array, shape (..., 3, 3)
-            Bone to the fit's world.
+            Rotations from bones to the world frame of the fit (mirrored for a left hand).
         position_mm : array, shape (..., 3)
-            In the fit's world.
+            Positions in that frame.
 
         Returns
         -------
@@ -134,7 +143,7 @@ class Convention:
 
 
 def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
-    """Return pairs of each worn receiver's nearest worn neighbour towards the body, and itself."""
+    """Return pairs of each worn receiver's nearest worn neighbour towards the body, and that receiver."""
     before = {joint.child: joint.parent_receiver for joint in layout.solvable}
     pairs = []
     for child in worn:
@@ -147,7 +156,7 @@ def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
-    """Compute features by which frames differ in posture: rotations between pairs of receivers.
+    """Compute features of the posture in each frame: rotations between pairs of receivers.
 
     Parameters
     ----------
@@ -159,7 +168,7 @@ def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
     Returns
     -------
     array, shape (T, 9 P)
-        Rotation matrices of P pairs that are ever seen together; their mean where one is missing.
+        Rotation matrices of the P pairs that are valid together in some frame; their mean in other frames.
 
     """
     features = []
@@ -177,23 +186,23 @@ def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
 def spread_frames(
     postures: Float[Array, "T D"], n_frames: int
 ) -> tuple[Int[Integers, " n"], Float[Array, " n"]]:
-    """Choose frames by farthest point: each is the farthest from all before it (Gonzalez 1985).
+    """Choose frames by farthest-point sampling: each is the farthest from all previous ones (Gonzalez 1985).
 
-    The first is the farthest from the mean of all.
+    The first one is the farthest from the mean of all.
 
     Parameters
     ----------
     postures : array, shape (T, D)
         Features of the frames.
     n_frames : int
-        Most frames to choose.
+        Largest number of frames to choose.
 
     Returns
     -------
     rows : array of int, shape (n,)
-        Chosen frames in the order of time.
+        Chosen frames in order of time.
     share : array, shape (n,)
-        Share of all frames that are nearest to each.
+        Share of all frames that are nearest to each chosen one.
 
     """
     step = max(1, len(postures) // MOST_CANDIDATES)

@@ -1,12 +1,13 @@
 """Add touches to a fitted hand's posterior: a fingertip on a known point, a thumb's pad on a finger's.
 
-Receivers are measured in a touch, so that it is an observation of three numbers, of the hand's unknowns and
-the soft parts' offsets alone. The posterior is normal and the observation nearly linear: it comes in by
-conditioning, linearised a few times at what it leads to (the iterated Kalman update, Bell & Cathey 1993).
+As receiver poses are measured during a touch, it is an observation of three numbers that depend only on the
+hand's unknowns and the soft parts' offsets. The posterior is normal and the observation nearly linear, so it
+is included by conditioning, linearised a few times at the updated values (iterated Kalman update, Bell &
+Cathey 1993).
 
-A touch is one observation however many frames it lasts. What is wrong with it, the skin under the receiver,
-the field, the finger's place on the point, stays the same while it lasts; only the tracker's noise averages,
-and that is a tenth of a millimetre. Pads that meet are found in opposition from poses alone.
+A touch is one observation however many frames it lasts. Its errors (skin under the receiver, field, position
+of the finger on the point) are constant while it lasts; only the tracker's noise averages out, and that is a
+tenth of a millimetre. In opposition tasks, contacts of two pads are found from the poses alone.
 
 On paper: docs/whole-hand.md, section 7.
 """
@@ -26,47 +27,60 @@ from shukotsu.hand.rotations import Array, matrix
 from shukotsu.tables.poses import Poses
 
 CONTACT_SD_MM = 1.5
-"""Sd of two pads that meet, per direction: pulps give way by 1 to 2 mm and do not meet centre on centre."""
+"""Sd of a contact of two pads, per direction: pulps yield by 1 to 2 mm and do not meet centre on centre."""
 
 SKIN_SD_MM = 0.3
-"""Sd of a nail's receiver over its bone, per direction: other skin slides by about a millimetre per rad of
-its joint, that of the nail by a third of it."""
+"""Sd of a nail's receiver relative to its bone, per direction: skin elsewhere slides by about a millimetre
+per rad of the joint, that of the nail by a third of that."""
 
 WORST = 16.27
-"""Squared distance, in sd, of a touch from where all else puts it: exceeded by 1 in 1000 (chi-square, 3)."""
+"""Squared misfit of a touch, in sd, relative to all other data, above which it is left out: exceeded by 1 in
+1000 (chi-squared, 3 degrees of freedom)."""
 
 FAR = 100.0
-"""The same of a touch and the fit alone, from which on it is left out however well others agree: it would
-bend the hand to where nothing is linear any more."""
+"""Squared misfit relative to the fit alone above which a touch is left out even if other touches agree with
+it, as linearisation would not be valid so far away."""
 
 _ROUNDS = 5
 
 THUMB = "thumb"
 
 NEAR_SD = 3.37
-"""Pads predicted closer than so many sd may be in contact: 99 % of three normal numbers (chi)."""
+"""Predicted distance of two pads, in sd, below which they may be in contact: 99 % of the chi distribution
+with 3 degrees of freedom."""
 
 SLOW_SHARE = 0.15
-"""Share of the speed that thumb and finger reach towards each other (its 90th percentile): pads that meet are
-held for a moment, pads that pass each other are not."""
+"""Relative speed of thumb and finger in a contact, as a share of its 90th percentile: pads in contact are
+held for a moment, pads that only pass each other are not."""
 
 HELD_MM = 1.0
-"""Frames so much farther apart than the closest one still belong to the contact."""
+"""Distance of the pads beyond the smallest one of a contact up to which frames belong to it."""
 
 MOST_EACH = 3
-"""Contacts of one finger that are used, those held stillest."""
+"""Largest number of contacts of one finger that are used, those that are held stillest."""
 
 _SPEED_FRAMES = 4
-"""Speed is that over twice as many frames, so that the tracker's noise does not count as one."""
+"""Half of the number of frames over which speed is computed, so that the tracker's noise does not dominate
+it."""
 
 
 @dataclass(frozen=True)
 class Touch:
     """A fingertip on a known point, a stylus's tip on the fingertip, or two fingertips that meet.
 
-    receiver_mm : (N, D, 3), receiver_quaternion : (N, D, 4) of the distal receivers while it lasted. part :
-    tip, pad or bone. sd_mm : per direction. point_mm : (3,) in the transmitter frame; None where two digits
-    meet.
+    Attributes
+    ----------
+    digits : tuple of str
+        One digit, or two that meet.
+    receiver_mm, receiver_quaternion : array, shape (N, D, 3) and (N, D, 4)
+        Poses of the D distal receivers in the N frames of the touch.
+    part : str
+        tip, pad or bone.
+    sd_mm : float
+        1-sigma error per direction.
+    point_mm : array, shape (3,), optional
+        Point in the transmitter frame; None if two digits meet.
+
     """
 
     digits: tuple[str, ...]
@@ -86,7 +100,7 @@ def touch_in(
     part: str,
     point_mm: Array | None = None,
 ) -> Touch:
-    """Return a touch, or the contact of two digits, with the distal receivers' poses while it lasted.
+    """Build a touch, or a contact of two digits, from the distal receivers' poses while it lasted.
 
     Parameters
     ----------
@@ -103,17 +117,17 @@ def touch_in(
     part : str
         bone, tip or pad.
     point_mm : array, shape (3,), optional
-        What is touched, in the transmitter's frame; None where two digits meet.
+        Point that is touched, in the transmitter's frame; None if two digits meet.
 
     Returns
     -------
     Touch
-        With the frames in which all receivers are valid.
+        The touch in the frames in which all its receivers are valid.
 
     Raises
     ------
     InputError
-        Where there is no such frame, or a digit has no fingertip.
+        If there is no such frame, or a digit has no fingertip.
 
     """
     receivers = [tips[digit].receiver for digit in digits]
@@ -127,7 +141,10 @@ def touch_in(
 
 @dataclass(frozen=True)
 class _Equation:
-    """value (3,) = sum of factor (3, 3) @ point of (digit, part), to an sd per direction."""
+    """Equation of a touch: value (3,) = sum over terms of factor (3, 3) @ point of (digit, part).
+
+    sd_mm : 1-sigma error per direction.
+    """
 
     name: str
     terms: tuple[tuple[Array, tuple[str, str]], ...]
@@ -141,20 +158,20 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
     Parameters
     ----------
     tips : Fingertips
-        The hand before.
+        The hand before conditioning.
     touches : sequence of Touch
         Touches of points, and contacts of pads.
 
     Returns
     -------
     Fingertips
-        Its `fit` has the conditioned posterior. A touch that lies farther from all other data than 1 in 1000
-        is left out, with a sentence in `refused`.
+        The hand with the conditioned posterior in its `fit`. A touch that disagrees with all other data at
+        the level of 1 in 1000 is left out, with a sentence in `refused`.
 
     Raises
     ------
     InputError
-        Of a digit without a fingertip, or an unknown part.
+        If a digit has no fingertip, or a part is unknown.
 
     """
     equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
@@ -163,14 +180,14 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
         u, covariance, misfits = _condition(tips, equations)
         worst = max(range(len(equations)), key=lambda i: misfits[i][0])
         if misfits[worst][0] <= WORST:
-            n_unknowns = len(tips.fit.posterior.x)  # the mean joint angles go along
+            n_unknowns = len(tips.fit.posterior.x)  # moved_to also updates the mean joint angles
             fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
             offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
             return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))
         squared, apart_mm = misfits[worst]
         refused.append(
-            f"{equations.pop(worst).name} is {apart_mm:.1f} mm, {np.sqrt(squared):.1f} sd, from where "
-            "the hand and all other touches put it: left out as another digit's, another part's, or no touch"
+            f"{equations.pop(worst).name} is {apart_mm:.1f} mm ({np.sqrt(squared):.1f} sd) from where the "
+            "hand and all other touches predict it: left out, as it may be another digit or part or no touch"
         )
     return replace(tips, refused=(*tips.refused, *refused))
 
@@ -198,7 +215,8 @@ def _condition(
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
     """Condition on all equations; return unknowns and offsets (G + 6 D,), their covariance, and misfits.
 
-    A misfit is an equation's distance from all other data: squared, in sd, and in mm.
+    A misfit is an equation's distance from the prediction of all other data: squared in units of sd, and in
+    mm.
     """
     fit, shape = tips.fit, tips.offsets_mm.shape
     start, P = np.concatenate([fit.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
@@ -214,11 +232,11 @@ def _condition(
     misfits = []
     for i, equation in enumerate(equations):
         rows = slice(3 * i, 3 * i + 3)
-        # leave-one-out misfit, from the share of its own noise that remains
+        # leave-one-out misfit, from the part of the equation's noise that conditioning did not explain
         left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
         pull = np.linalg.solve(left, off[rows])
         among = float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))
-        # and from the prediction of the fit alone
+        # misfit relative to the fit alone
         spread = first_H[rows] @ P @ first_H[rows].T + equation.sd_mm**2 * np.eye(3)
         apart_mm = first_off[rows]
         alone = float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))
@@ -229,7 +247,7 @@ def _condition(
 def _misfit(
     tips: Fingertips, equations: Sequence[_Equation], u: Array, shape: tuple[int, ...]
 ) -> tuple[Array, Array]:
-    """Return what the K equations lack at u, (3 K,) in mm, and their derivative (3 K, G + 6 D)."""
+    """Return the misfits (3 K,), mm, of K equations at u, and the derivative (3 K, G + 6 D) of their sums."""
     n_unknowns = len(u) - int(np.prod(shape))
     seen = seen_parts(tips.fit, u[:n_unknowns], u[n_unknowns:].reshape(shape))
     off, rows = [], []
@@ -240,10 +258,11 @@ def _misfit(
 
 
 def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
-    """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
+    """Find frames of a recording in which the thumb's pad probably rests on a finger's pad.
 
-    That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. A person
-    pinches in the same way each time, so all contacts of a finger share the weight of one.
+    The finger's pad must be the nearest one, no farther away than the hand's uncertainty explains, and be
+    held there. A person pinches in the same way each time, so all contacts of a finger together weigh as much
+    as one.
 
     Parameters
     ----------
@@ -255,7 +274,7 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     Returns
     -------
     list of Touch
-        One for each contact; empty without a thumb.
+        One touch for each contact; empty without a thumb.
 
     """
     fingers = [name for name in tips.digits if name != THUMB]
@@ -280,7 +299,7 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
 
 
 def _held(distance_mm: Array, apart_mm: Array, near: npt.NDArray[np.bool_]) -> list[Index]:
-    """Return the frames of every episode in which two pads were held together, the stillest one first."""
+    """Return the frames of every episode in which two pads were held together, the stillest episode first."""
     speed, k = np.full(len(apart_mm), np.inf), _SPEED_FRAMES  # mm per frame
     if len(apart_mm) > 2 * k:
         speed[k:-k] = np.linalg.norm(apart_mm[2 * k :] - apart_mm[: -2 * k], axis=-1) / (2 * k)

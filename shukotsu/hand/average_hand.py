@@ -1,7 +1,7 @@
-"""The average adult hand as the estimators expect it: how hands differ, where receivers sit, how skin moves.
+"""The average adult hand as a prior of the estimators: bones, variation, receiver placement and skin motion.
 
 Estimators regularise towards these values. The simulator uses none of them (tests/hand). The numbers, their
-sources and the frame of the hand stand in `average_hand.yaml`.
+sources and the frame of the hand are in `average_hand.yaml`.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ Vector = tuple[float, float, float]
 
 BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
 COMPOUND_DIGITS = ("ring", "little")
-"""Digits whose MCP joints turn about more than is fitted, as the palm folds."""
+"""Digits whose MCP joints are less well modelled, as their metacarpals move when the palm folds."""
 
 _NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What estimators assume of hands, receivers and skin; values and sources: `average_hand.yaml`."""
+    """Prior of the estimators for hands, receivers and skin; values and sources: `average_hand.yaml`."""
 
     MOUNT_SHARE: float
     """Share of a bone's length, from its proximal joint, at which its receiver sits."""
     NAIL_SHARE: float
-    """The same of a distal phalanx, whose receiver sits on the nail."""
+    """The same for a distal phalanx, whose receiver sits on the nail."""
     NAIL_SLOPE_DEG: float
     """Slope of the back of a distal phalanx, and of a receiver on it, towards the tip."""
     COVER_MM: float
-    """Height of the tracked point over the bone: skin and half a receiver's housing."""
+    """Height of the tracked point above the bone: skin and half a receiver's housing."""
     CAPITATE_TO_CREASE_MM: float
-    """Distance from the wrist centre to the distal wrist crease, which lies proximal of it."""
+    """Distance from the wrist centre to the distal wrist crease, which is proximal to it."""
     SOURCE_SCALE: float
-    """Scale of the average hand over the hand from which the palm's shape is taken."""
+    """Scale of the average hand relative to the hand from which the palm's shape is taken."""
     AVERAGE_BREADTH_MM: float
     """Breadth across the knuckles of digits 2 to 5, with skin, at scale 1."""
     SKEW_MM: float
@@ -52,23 +52,23 @@ class Prior:
     SCALE_SD: float
     """Sd of the hand's scale among adults, relative."""
     SCALE_SD_BY_LENGTH: float
-    """Sd of the scale where the hand's length was measured."""
+    """Sd of the scale if the hand's length was measured."""
     BREADTH_SD_MM: float
-    """Sd of the breadth over skin about that of its bones and the skin of an average hand."""
+    """Sd of the measured breadth relative to the breadth of the bones plus the flesh of an average hand."""
     LENGTH_SD_MM: Mapping[str, float]
-    """Sd of a bone's length between people of one scale, by kind of bone."""
+    """Sd of a bone's length between people whose hands have the same scale, by kind of bone."""
     SOURCE_SD_MM: Mapping[str, float]
     """Sd of the error that all lengths of a kind share, by which published sources differ."""
     THUMB_METACARPAL_SD_MM: float
     """Sd of the length of the thumb's metacarpal."""
     BASE_SD_MM: float
-    """Sd per direction of a metacarpal's base about that of the average palm."""
+    """Sd per direction of a metacarpal's base relative to the average palm."""
     THUMB_BASE_SD_MM: float
-    """The same of the thumb's metacarpal."""
+    """The same for the thumb's metacarpal."""
     PALM_BREADTH_SD: float
-    """Sd of the palm's breadth at one scale, relative."""
+    """Sd of the palm's breadth between hands of the same scale, relative."""
     DIRECTION_SD_RAD: float
-    """Sd of a digit's direction in the flat hand, either way."""
+    """Sd of a digit's direction in the flat hand, in each of the two directions across it."""
     ROLL_SD_RAD: float
     """Sd of a finger's roll about its long axis."""
     THUMB_ROLL_SD_RAD: float
@@ -82,25 +82,25 @@ class Prior:
     PRO_SUPINATION_SD: float
     """Sd of the pro-supination per flexion."""
     LEAN_SD_RAD: float
-    """Sd by which a bone beyond a hinge leans sideways in a straight finger."""
+    """Sd of the angle by which the bone distal to a hinge leans sideways in a straight finger."""
     JOINT_SLIDE_SD_MM: float
     """Sd of the translation of a joint's centre per radian of flexion."""
     HINGE_SLIDE_SD_MM: float
-    """The same of a hinge: PIP, DIP and IP joints."""
+    """The same for hinges: PIP, DIP and IP joints."""
     MOUNT_SD_MM: Vector
     """Sd of a receiver's placement along the bone, across it and in height."""
     ROUND_SD_RAD: float
-    """Sd of where round its bone a receiver is put, by which it is turned and moved sideways."""
+    """Sd of a receiver's angular position around its bone, which turns it and moves it sideways."""
     COVER_SD_MM: float
-    """Sd of the height of the tracked point over the bone that all receivers of a hand have in common."""
+    """Sd of the part of the tracked point's height above the bone that is common to all receivers."""
     HEIGHT_SD_MM: float
-    """Sd of each receiver's height where the layout names that of its tracked point."""
+    """Sd of each receiver's height if the layout states the height of its tracked point."""
     HOUSING_MM: float
-    """Height of the tracked point over a receiver's base that COVER_MM contains."""
+    """Height of the tracked point above a receiver's base that is assumed in COVER_MM."""
     SKIN_COVER_SD_MM: float
-    """Sd of the common height where the layout names that of the tracked point: thickness of the skin."""
+    """Sd of the common height if the layout states that of the tracked point: thickness of the skin."""
     HABIT_SHARE: float
-    """Share of that variance that is common to all receivers of a hand."""
+    """Share of the variance of placement that is common to the nails, or to all other bones of digits."""
     MOUNT_TURN_SD_RAD: float
     """Sd per component of a receiver's rotation away from the bone's axes."""
     FACING_SD_RAD: float
@@ -110,13 +110,13 @@ class Prior:
     SLIDE_SD_MM: Vector
     """Sd of a receiver's motion on the skin per radian of an adjacent joint: along, across, in height."""
     JOINTWISE_SLIDE_SD_MM: Vector
-    """The same where joints are solved one by one."""
+    """The same for models that solve joints one by one."""
     TILT_SD: Vector
     """Sd of a receiver's rotation on the skin per rotation of an adjacent joint, about its bone's axes."""
     JOINTWISE_TILT_SD: float
-    """The same about any axis where joints are solved one by one."""
+    """The same about any axis, for models that solve joints one by one."""
     DISTAL_TILT: float
-    """Mean rotation of a receiver on a nail per flexion of the joint before it."""
+    """Mean rotation of a receiver on a nail per flexion of the last joint."""
     DISTAL_TILT_SD: float
     """Sd of that rotation."""
     PLACE_LAG: float
@@ -130,25 +130,25 @@ class Prior:
     RELAXED_RAD: float
     """Flexion of MCP, PIP, DIP and IP joints of a hand at rest, in which receivers are put on."""
     JOINTWISE_NAIL: float
-    """Factor on skin motion over a distal phalanx where joints are solved one by one."""
+    """Factor on skin motion over a distal phalanx for models that solve joints one by one."""
     JOINTWISE_THENAR: float
-    """Factor on skin motion over the thumb's metacarpal where joints are solved one by one."""
+    """Factor on skin motion over the thumb's metacarpal for models that solve joints one by one."""
     PALM_SLIDE_SD_MM: float
     """Sd of a receiver's motion on the skin of the palm, per radian."""
     PALM_TILT_SD: float
-    """Sd of its rotation there."""
+    """Sd of a receiver's rotation on the skin of the palm, per rotation of the joint."""
     UNKNOWN_SLIDE_SD_MM: float
     """Sd of the motion of a receiver on a segment outside the described anatomy, per radian."""
     SKIN_BENT: float
-    """Share of a skin motion that is not linear in the joint's angle."""
+    """Share of skin motion that is not linear in the joint's angle."""
     FIELD_TURN_SD_RAD: float
     """Sd per component of the rotation that a room's field adds to all receivers."""
     FIELD_SLOPE_SD_RAD_PER_MM: float
-    """Sd of the change of that rotation from place to place."""
+    """Sd of the change of that rotation with position."""
     UNMODELLED_MM: Mapping[str, float]
-    """Sd per direction of a centre beside all that is fitted, by kind of joint."""
+    """Sd per direction of a centre's error that the fit does not model, by kind of joint."""
     UNMODELLED_LENGTH_MM: Mapping[str, float]
-    """The same of a length, by kind of bone."""
+    """The same for lengths, by kind of bone."""
     PHALANX_DEG: tuple[float, float]
     """Mean and sd of the flexion of MCP, PIP, DIP and IP joints over a recording."""
     METACARPAL_DEG: tuple[float, float]
@@ -162,7 +162,7 @@ class Prior:
     DIP_PER_PIP: float
     """Flexion of a DIP joint per flexion of its PIP joint, in free motion."""
     DIP_BY_PIP_SD_DEG: float
-    """Sd of a DIP joint's flexion about its share of the PIP joint's."""
+    """Sd of a DIP joint's flexion relative to DIP_PER_PIP times the PIP joint's."""
     ABDUCTION_DEG: tuple[float, float]
     """Mean and sd of abduction."""
     AXIAL_DEG: tuple[float, float]
@@ -195,13 +195,27 @@ PRIOR = constants(
 
 @dataclass(frozen=True)
 class DigitAnatomy:
-    """A digit of the average hand, straight, from the joint at its base outward; B bones, hand's frame.
+    """A straight digit of the average hand with B bones, from its base outward, in the hand's frame.
 
-    base_mm : (3,) first joint, the CMC. directions : (B, 3) unit, distally. flexion_axes : (B, 3) unit, of
-    the bones' proximal joints. lengths_mm : (B,) between joint centres, the last to the bone's tip.
-    soft_tip_mm : skin and pulp beyond it. second_axis : (3,) of a skew first joint. bone_heights_mm : (B,) of
-    each bone's back half way along, over the line between its ends. faces_nail : whether a thumb's metacarpal
-    faces as the phalanges do (`shukotsu.hand.neutral_bones`).
+    Attributes
+    ----------
+    base_mm : array, shape (3,)
+        First joint, the CMC.
+    directions : array, shape (B, 3)
+        Unit vectors along the bones, distally.
+    flexion_axes : array, shape (B, 3)
+        Unit axes of the bones' proximal joints.
+    lengths_mm : array, shape (B,)
+        Lengths between joint centres; of the last bone, to its tip.
+    soft_tip_mm : float
+        Skin and pulp beyond the last bone.
+    bone_heights_mm : array, shape (B,)
+        Height of each bone's back at mid-length above the line between its ends.
+    second_axis : array, shape (3,), optional
+        Second axis of a first joint with two skew axes.
+    faces_nail : bool
+        Whether a thumb's metacarpal faces as the phalanges do (`shukotsu.hand.neutral_bones`).
+
     """
 
     base_mm: Array
@@ -214,7 +228,7 @@ class DigitAnatomy:
     faces_nail: bool = False
 
     def frames(self) -> Array:
-        """Bone frames (B, 3, 3) in the hand's frame, digit straight: x distal, y nearest the flexion axis."""
+        """Return bone frames (B, 3, 3) in the hand's frame: x distal, y nearest the flexion axis."""
         x, axes = self.directions, self.flexion_axes.copy()
         if self.faces_nail:
             axes[0] = axes[1]
@@ -222,12 +236,12 @@ class DigitAnatomy:
         return np.stack([x, y, np.cross(x, y)], -1)
 
     def joints_mm(self) -> Array:
-        """Joints (B, 3) from the wrist centre, digit straight: bone after bone from the base."""
+        """Return the joints (B, 3) of the straight digit, mm from the wrist centre."""
         bones = self.lengths_mm[:, None] * self.directions
         return np.asarray(self.base_mm + np.cumsum(bones, axis=0) - bones)
 
     def mounts_mm(self) -> Array:
-        """Receivers' places (B, 3), in the bones' frames: on the nail, and half way along others."""
+        """Return the receivers' positions (B, 3), mm in the bones' frames: on the nail, or near mid-bone."""
         mounts = np.zeros((len(self.lengths_mm), 3))
         mounts[:, 0] = PRIOR.MOUNT_SHARE * self.lengths_mm
         mounts[-1, 0] = PRIOR.NAIL_SHARE * self.lengths_mm[-1]
@@ -238,7 +252,7 @@ class DigitAnatomy:
 def _thumb(
     facet_mm: Vector, direction: Vector, ip_axis: Vector, mcp_axis: Vector, **numbers: Any
 ) -> DigitAnatomy:
-    """A straight thumb from THUMB of the YAML file; its CMC axes follow the saddle of the joint."""
+    """Build a straight thumb from THUMB of the YAML file; its CMC axes follow the saddle of the joint."""
     along = unit(np.array(direction))
     ip, mcp = (unit(axis - (axis @ along) * along) for axis in (np.array(ip_axis), np.array(mcp_axis)))
     return DigitAnatomy(
@@ -260,7 +274,7 @@ def _finger(
     lean_deg: float,
     **numbers: Any,
 ) -> DigitAnatomy:
-    """A finger from FINGERS of the YAML file, given its CMC, MCP and PIP joint."""
+    """Build a finger from FINGERS of the YAML file; joints_mm : its CMC, MCP and PIP joint."""
     cmc, mcp, pip = np.array(joints_mm)
     proximal = middle = unit(pip - mcp)
     lateral = unit(np.array(mcp_axis) - (np.array(mcp_axis) @ middle) * middle)
@@ -295,4 +309,5 @@ AVERAGE_LENGTH_MM = (
     + float(DIGITS["middle"].base_mm[0] + DIGITS["middle"].lengths_mm.sum())
     + DIGITS["middle"].soft_tip_mm
 )
-"""Distal wrist crease to the skin of the middle finger's tip, as people measure it; hand of scale 1."""
+"""Length of a hand of scale 1 as people measure it: distal wrist crease to the skin of the middle finger's
+tip."""

@@ -1,8 +1,8 @@
-"""A digit of a fitted skeleton: which points it runs through, and where they are in a recording.
+"""A digit of a solved skeleton: the points that it runs through, and their positions in a recording.
 
-A chain is a base point riding on the base receiver (the wrist, or the digit's own first joint), then one
-bone a segment. A joint's position on the body side is its parent half p, on the finger's side its child
-half q; between the two lies the joint's gap.
+A chain starts at a base point that the base receiver carries (the wrist, or the digit's first joint), and has
+one bone per segment. A joint has two positions, its parent half p, carried from the body's side, and its
+child half q, carried from the finger's side; their distance is the joint's gap.
 """
 
 from __future__ import annotations
@@ -30,13 +30,25 @@ Rows = Mapping[str, "JointCentresRow"]
 
 @dataclass(frozen=True)
 class DigitChain:
-    """One digit with its numbers, mm, each in the frame of the receiver that carries the point.
+    """One digit with its points, mm, each in the frame of the receiver that carries it.
 
-    at_wrist : whether the base is the wrist. receivers : the digit's segments that carry one.
-    base_point_mm : (3,) in the base receiver's frame. child_mm : per segment its own joint's centre in
-    its own receiver's frame, None where the chain does not use one (a metacarpal that starts at the wrist).
-    parent_mm : per segment the next joint's centre in the frame of the receiver that the next joint was
-    solved against; the tip, (0, 0, 0), for the last.
+    Attributes
+    ----------
+    digit : Digit
+        The digit in the layout.
+    at_wrist : bool
+        Whether it starts at the wrist.
+    receivers : tuple of str
+        Segments of the digit that carry a receiver.
+    base_point_mm : array, shape (3,)
+        Base point in the base receiver's frame.
+    child_mm : tuple of array, shape (3,), or None
+        For each segment, the centre of its proximal joint in the segment's receiver; None if the chain does
+        not use it (a metacarpal that starts at the wrist).
+    parent_mm : tuple of array, shape (3,)
+        For each segment, the centre of the next joint in that joint's parent receiver; for the last one the
+        tip, (0, 0, 0).
+
     """
 
     digit: Digit
@@ -48,17 +60,34 @@ class DigitChain:
 
 
 def starts_at_wrist(digit: Digit, layout: Layout, model: SkeletonModel) -> bool:
-    """Whether the digit's first joint is merged with the wrist (Fig. 3), or a point of its own (Fig. 4)."""
+    """Return whether the digit starts at the wrist (Fig. 3) rather than at a CMC joint (Fig. 4)."""
     if layout.wrist is None or digit.base != layout.wrist.segment:
         return False
     return digit.joints[0] not in model.own_cmc
 
 
 def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) -> DigitChain | str:
-    """Return the digit's chain, or the reason why there is none: one of its joints failed.
+    """Build a digit's chain, or return the reason if one of its joints failed.
 
-    rows : joint_centres of one hand and model, the wrist point among them. Raises InputError where the
-    model asks for a first joint of its own that no receiver measures, and fits no whole hand to find it.
+    Parameters
+    ----------
+    digit : Digit
+        The digit.
+    layout, model : Layout, SkeletonModel
+        Layout of the hand, and skeleton model.
+    rows : mapping
+        Rows of joint_centres of one hand and model by joint, including the wrist point.
+
+    Returns
+    -------
+    DigitChain or str
+        The chain, or the reason why there is none.
+
+    Raises
+    ------
+    InputError
+        If the model names a CMC joint that no receiver measures and that no whole-hand fit can find.
+
     """
     at_wrist = starts_at_wrist(digit, layout, model)
     first = layout.joints[digit.joints[0]]
@@ -77,7 +106,7 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
     ]
     for joint in needed:
         if joint not in rows or rows[joint]["status"] == "failed":
-            reason = rows[joint]["message"] if joint in rows else "no receiver was worn on both sides of it"
+            reason = rows[joint]["message"] if joint in rows else "receivers on both sides were not worn"
             return f"{joint} failed: {reason}"
     base = needed[0]
     base_point = vector_of(rows[base], "child_" if at_wrist else "parent_", "_mm")
@@ -93,7 +122,7 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
 
 
 def segment_quaternions(poses: Poses, segment: str) -> Array:
-    """Rotations of one segment's receiver, each component contiguous in memory.
+    """Return the rotations of one segment's receiver, each component contiguous in memory.
 
     Parameters
     ----------
@@ -112,7 +141,7 @@ def segment_quaternions(poses: Poses, segment: str) -> Array:
 
 
 def carried_mm(poses: Poses, segment: str, point_mm: Array) -> Array:
-    """Positions of a point that a segment's receiver carries.
+    """Compute the positions of a point that a segment's receiver carries.
 
     Parameters
     ----------
@@ -126,7 +155,7 @@ def carried_mm(poses: Poses, segment: str, point_mm: Array) -> Array:
     Returns
     -------
     array, shape (T, 3)
-        In the transmitter frame, mm.
+        Positions in the transmitter frame, mm.
 
     """
     return np.asarray(
@@ -135,14 +164,14 @@ def carried_mm(poses: Poses, segment: str, point_mm: Array) -> Array:
 
 
 def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
-    """Positions, seen from one receiver, of a point that another one carries.
+    """Compute the positions, in one receiver's frame, of a point that another receiver carries.
 
     Parameters
     ----------
     poses : Poses
         T frames.
     base : str
-        Segment whose receiver sees the point.
+        Segment in whose receiver frame the point is expressed.
     segment : str
         Segment whose receiver carries it.
     point_mm : array, shape (3,)
@@ -151,7 +180,7 @@ def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
     Returns
     -------
     array, shape (T, 3)
-        In the base's receiver frame, mm.
+        Positions in the base's receiver frame, mm.
 
     """
     offset = carried_mm(poses, segment, point_mm) - poses.position_mm[:, poses.index(base)]
@@ -159,7 +188,7 @@ def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
 
 
 def all_valid(poses: Poses, segments: tuple[str, ...]) -> npt.NDArray[np.bool_]:
-    """Frames in which every one of some segments has a valid pose.
+    """Find the frames in which all of some segments have a valid pose.
 
     Parameters
     ----------

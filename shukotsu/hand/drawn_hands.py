@@ -1,9 +1,9 @@
-"""The hands that the simulator draws: their bones, how they differ, where receivers sit, how skin moves them.
+"""The hands that the simulator draws: bones, variation, receiver placement and skin motion.
 
-No estimator reads this module, and the simulator reads nothing that estimators expect: errors of an estimator
-would remain hidden if it were tested on hands drawn from its own prior (tests/hand). Several published
-sources are included as whole hands, since they disagree by more than people differ. The numbers, their
-sources and the frame of the hand stand in `drawn_hands.yaml`.
+No estimator reads this module, and the simulator does not read the estimators' prior, as errors of an
+estimator would remain hidden if it were tested on hands drawn from its own prior (tests/hand). Several
+published sources are included as whole hands, since they differ from each other by more than people do. The
+numbers, their sources and the frame of the hand are in `drawn_hands.yaml`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
 
 @dataclass(frozen=True)
 class Population:
-    """How drawn people, their receivers and their skin vary; values and sources: `drawn_hands.yaml`."""
+    """Variation of drawn people, their receivers and skin; values and sources are in `drawn_hands.yaml`."""
 
     LENGTH_SD_MM: Mapping[str, tuple[float, ...]]
-    """Sd of the lengths of a digit's bones between people of one hand size, from the base outward."""
+    """Sd of the lengths of a digit's bones between people of the same hand size, from the base outward."""
     SOFT_TIP_MM: Mapping[str, float]
     """Skin and pulp beyond the last bone, by digit."""
     SOFT_TIP_SD_MM: float
@@ -45,7 +45,7 @@ class Population:
     WRIST_AXES: tuple[Vector, ...]
     """Axes of flexion, abduction and axial rotation of the wrist, in the hand's frame."""
     PAD_DEPTH_MM: Mapping[str, float]
-    """Depth of the pad that touches under the line of joints, by digit."""
+    """Depth below the line of joints of the pad that makes contact, by digit."""
     SCALE_SD: float
     """Sd of the scale of all lengths, relative."""
     BASE_SD_MM: Vector
@@ -73,15 +73,15 @@ class Population:
     WOBBLE_SD_RAD: float
     """Sd of the abduction and axial rotation of a hinge at 90 deg of flexion."""
     AXIAL_COUPLING: Vector
-    """Axial rotation of MCP joints and the thumb's CMC: per abduction, sd of that, sd per flexion."""
+    """Axial rotation of MCP joints and the thumb's CMC: mean and sd per abduction, sd per flexion."""
     GLIDE_MM: Mapping[str, Vector]
-    """Least and largest glide across a joint's axis in mm, and the flexion in deg over which it occurs."""
+    """Least and largest glide across a joint's axis, mm, and the flexion over which it occurs, deg."""
     GLIDE_ALONG: float
-    """Largest share of that glide along the axis."""
+    """Largest glide along the axis, as a share of that across it."""
     RELAXED_DEG: Mapping[str, tuple[float, float]]
     """Least and largest flexion of a relaxed hand, by kind of joint."""
     BONE_HEIGHT_MM: Mapping[str, tuple[float, ...]]
-    """Height of the bones' dorsal surface at mid-length over the line of joints, by digit."""
+    """Height of the bones' dorsal surface at mid-length above the line of joints, by digit."""
     SKIN_MM: float
     """Thickness of the skin on the back of a finger."""
     NAIL_MM: float
@@ -91,11 +91,11 @@ class Population:
     MOUNT_SHARE: float
     """Share of a bone's length, from its proximal joint, at which its receiver sits."""
     NAIL_SHARE: float
-    """The same of a receiver on a nail."""
+    """The same for a receiver on a nail."""
     MOUNT_RANGE: tuple[float, float]
     """Least and largest share at which a receiver sits."""
     NAIL_RANGE: tuple[float, float]
-    """The same of a receiver on a nail."""
+    """The same for a receiver on a nail."""
     NAIL_TILT_DEG: float
     """Slope of the nail towards the pad."""
     MOUNT_SD_MM: Vector
@@ -103,17 +103,17 @@ class Population:
     MOUNT_SD_DEG: Vector
     """Sd of a receiver's rotation about x, y, z of its bone."""
     HABIT_SHARE: tuple[float, float]
-    """Least and largest share of that variance that is common to a hand's receivers; below 0: none is."""
+    """Least and largest share of that variance that is common to a hand's receivers; below 0 means 0."""
     NAIL_OWN: Vector
-    """Share of a receiver's individual placement that remains on a nail: along, across, in height."""
+    """Factor on a receiver's individual placement if it is on a nail: along, across, in height."""
     NAIL_OWN_TURN: float
-    """The same of its rotation."""
+    """The same for its rotation."""
     HAND_MOUNT_MM: Vector
-    """Nominal place of the receiver on the back of the hand, from the wrist centre."""
+    """Nominal position of the receiver on the back of the hand, from the wrist centre."""
     FOREARM_MOUNT_MM: Vector
-    """Nominal place of the receiver on the forearm, from the wrist centre."""
+    """Nominal position of the receiver on the forearm, from the wrist centre."""
     HAND_RISE_MM: float
-    """Height of the back of a drawn hand over that nominal place."""
+    """Height of the back of a drawn hand above that nominal position."""
     HAND_MOUNT_SD_MM: Vector
     """Sd of the placement of the receiver on the back of the hand."""
     SLIDE_SD_MM: Vector
@@ -121,7 +121,7 @@ class Population:
     TILT_SD: Vector
     """Sd of a receiver's rotation on the skin per rotation of an adjacent joint, about its bone's axes."""
     DISTAL_TILT: float
-    """Rotation of a receiver on a nail per flexion of the joint before it."""
+    """Rotation of a receiver on a nail per flexion of the last joint."""
     THUMB_PLACE_LAG: tuple[float, float]
     """Least and largest share of CMC motion by which the thumb's metacarpal receiver lags in position."""
     THUMB_TURN_FURTHER: tuple[float, float]
@@ -151,11 +151,23 @@ drawn = constants(Population, _NUMBERS)
 
 @dataclass(frozen=True)
 class DrawnDigit:
-    """A digit from the joint at its base outward, straight, in the hand's frame; B bones.
+    """A straight digit with B bones, from the joint at its base outward, in the hand's frame.
 
-    base_mm : (3,) the CMC. directions : (B, 3) unit, distally. lengths_mm : (B,) to the next joint, or the
-    last bone's tip; length_sd_mm : (B,) between people of one size. flexion_axes : (B, 3) of the bones'
-    proximal joints. soft_tip_mm : skin and pulp. second_axis : (3,) of the thumb's skew CMC.
+    Attributes
+    ----------
+    base_mm : array, shape (3,)
+        First joint, the CMC.
+    directions : array, shape (B, 3)
+        Unit vectors along the bones, distally.
+    lengths_mm, length_sd_mm : array, shape (B,)
+        Lengths between joint centres (of the last bone, to its tip), and their sd between people of one size.
+    flexion_axes : array, shape (B, 3)
+        Axes of the bones' proximal joints.
+    soft_tip_mm : float
+        Skin and pulp beyond the last bone.
+    second_axis : array, shape (3,), optional
+        Second axis of the thumb's CMC joint, which has two skew axes.
+
     """
 
     base_mm: Array
@@ -172,7 +184,7 @@ DrawnHand = Mapping[str, DrawnDigit]
 
 
 def _across(along: Array, roll_deg: float = 0.0, obliquity_deg: float = 0.0) -> Array:
-    """A radial axis square to a bone, its radial end lifted by a roll and moved distally by an obliquity."""
+    """Return an axis across a bone, its radial end lifted by a roll and moved distally by an obliquity."""
     lateral = unit(np.array([0.0, 1.0, 0.0]) - along[1] * along)
     roll, oblique = np.radians([roll_deg, obliquity_deg])
     square = np.cos(roll) * lateral + np.sin(roll) * np.cross(along, lateral)
@@ -185,7 +197,7 @@ def _drawn_digit(name: str, base_mm: Array, directions: Array, lengths_mm: Array
 
 
 def _myohand_digit(name: str) -> DrawnDigit:
-    """A digit through its joints and its bone's tip, brought to the CT hand's length."""
+    """Build a digit of MyoHand from its joints and bone tip, scaled to the CT hand's length."""
     scale = _NUMBERS["CT_LENGTH_MM"] / _NUMBERS["MYOHAND_LENGTH_MM"]
     points = scale * np.array(_NUMBERS["MYOHAND_POINTS_MM"][name])
     bones, axes = np.diff(points, axis=0), np.array(_NUMBERS["MYOHAND_AXES"][name])
@@ -196,12 +208,12 @@ def _myohand_digit(name: str) -> DrawnDigit:
 
 
 MYOHAND: DrawnHand = {name: _myohand_digit(name) for name in drawn.LENGTH_SD_MM}
-"""One hand, its joints assembled with gaps, its palm narrow; the thumb's CMC axes lie as its model has
-them."""
+"""A single hand with gaps between its bones and a narrow palm; the thumb's CMC axes are those of the
+model."""
 
 
 def _ct_finger(name: str) -> DrawnDigit:
-    """A finger whose phalanges lie in line, as MyoHand's proximal phalanx points, but for the distal one."""
+    """Build a finger: proximal and middle phalanx point as MyoHand's proximal one, the distal one leans."""
     pip_oblique, dip_oblique, twist, lean = _NUMBERS["CT_HINGES_DEG"][name]
     roll, axes = drawn.ROLL_DEG[name], MYOHAND[name].flexion_axes.copy()
     base, knuckle = np.array(_NUMBERS["CT_CMC_MCP_MM"][name])
@@ -214,7 +226,7 @@ def _ct_finger(name: str) -> DrawnDigit:
 
 
 def _ct_thumb() -> DrawnDigit:
-    """A straight thumb; its CMC axes as its saddle lies: of palmar abduction, then of radial."""
+    """Build a straight thumb; its CMC axes follow the saddle: first of palmar, then of radial abduction."""
     along, ip_axis = unit(np.array(_NUMBERS["CT_THUMB_ALONG"])), np.array(_NUMBERS["CT_IP_AXIS"])
     across = unit(ip_axis - (ip_axis @ along) * along)
     axes = np.array([np.cross(along, across), across, across])
@@ -237,12 +249,12 @@ XRAY: DrawnHand = {
     )
     for name, digit in CT.items()
 }
-"""A flat hand from X-ray pictures, 170.6 mm long; positions and axes are not in the pictures and are those of
+"""A flat hand from X-ray pictures, 170.6 mm long. The pictures show no positions and axes, which are those of
 the CT hand or, for the fingers' axes, of MyoHand."""
 
 
 def _buchholz_finger(name: str) -> DrawnDigit:
-    """A straight finger with square hinges."""
+    """Build a straight finger with hinges at right angles to the bones."""
     base, knuckle = np.array(_NUMBERS["BUCHHOLZ_CMC_MCP_MM"][name])
     along = MYOHAND[name].directions[1]
     directions = np.array([unit(knuckle - base), along, along, along])
@@ -260,23 +272,24 @@ BUCHHOLZ: DrawnHand = {
     ),
     **{name: _buchholz_finger(name) for name in drawn.ROLL_DEG},
 }
-"""Proportions of cadaver hands, its joints plain hinges."""
+"""A hand with the proportions of cadaver hands and plain hinges as joints."""
 
 SOURCES: Mapping[str, DrawnHand] = {"ct": CT, "xray": XRAY, "buchholz": BUCHHOLZ, "myohand": MYOHAND}
 BLEND = "blend"
 ANATOMIES = (BLEND, *SOURCES)
-"""What hands can be drawn from: a blend of the sources, another one for each person, or one hand alone."""
+"""Anatomies from which hands can be drawn: a blend of the sources that differs for each person, or one
+source."""
 
 
 def blend_hands(hands: Sequence[DrawnHand], weights: Sequence[float] | Array) -> DrawnHand:
-    """Weighted mean of whole hands: of places and lengths, and of directions and axes as vectors.
+    """Compute the weighted mean of whole hands: of positions, lengths, and direction and axis vectors.
 
     Parameters
     ----------
     hands : sequence of DrawnHand
         Hands of the same digits.
     weights : sequence of float
-        Weight of each; their sum is 1.
+        Weight of each hand; the sum is 1.
 
     Returns
     -------

@@ -1,21 +1,22 @@
-"""Joint angles with names and signs: flexion, ab-/adduction and axial rotation of a bone against its parent.
+"""Joint angles with names and signs: flexion, ab-/adduction and axial rotation of a bone relative to its
+parent.
 
 The joint coordinate system of Grood & Suntay (1983) in the order that the International Society of
 Biomechanics recommends for wrist and hand (Wu et al. 2005, J Biomech 38:981, section 4): e1, fixed in the
 proximal bone, is the axis of flexion; e3, fixed in the distal bone, is its long axis; e2, at right angles to
-both, is the floating axis of ab-/adduction. As turns carried one by the other: about y, z, x of our frames.
+both, is the floating axis of ab-/adduction. As intrinsic rotations: about y, z, x of our frames.
 
 Frames: ours have x distal, z towards the back of the bone (of a thumb, the nail's side), y = z x x, which
 points to the thumb on a right hand and away from it on a left one. ISB's for the right hand are X palmar,
 Y proximal, Z radial: our -z, -x and y. It turns flexion about Z, deviation about the floating X and axial
 rotation about Y, so that flexion, ulnar deviation and pronation are positive (pronation turns a bone's radial
-edge towards its palmar side). A left hand's angles are those of its mirror image, which comes to the same as
-X dorsal, Y distal, Z ulnar on the left, our z, x and y: mirrored movements give the same three numbers.
+edge towards its palmar side). A left hand's angles are those of its mirror image, which is equivalent to
+X dorsal, Y distal, Z ulnar on the left, our z, x and y: mirrored movements have the same three angles.
 
-ISB calls the second angle ab-/adduction or radial/ulnar deviation, and the name alone leaves the sign of a
-finger's abduction open: the middle finger abducts to both sides. So `abduction_deg` is signed by radius and
-ulna in every joint: an index spread away from the middle finger has a negative one, a little finger that is
-spread a positive one, a thumb in palmar abduction a negative one. The table by joints: docs/movement.md.
+ISB calls the second angle ab-/adduction or radial/ulnar deviation. The name alone does not define the sign of
+a finger's abduction, as the middle finger abducts to both sides. So `abduction_deg` is positive towards the
+ulna in every joint: it is negative for an index finger spread away from the middle finger, positive for a
+spread little finger, and negative for a thumb in palmar abduction. docs/movement.md has a table by joint.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array, about_axis, conjugate, matrix, multiply
 
 _SIGN = {"right": -1.0, "left": 1.0}
-"""Sign of deviation and rotation against turns about z and x; mirroring changes these, not flexion."""
+"""Sign of deviation and rotation relative to turns about z and x; mirroring changes these, but not
+flexion."""
 
 _LOCKED = 1e-9
 
@@ -41,9 +43,9 @@ def joint_angles(
 ) -> Float[Array, "*n 3"]:
     """Compute flexion, deviation and axial rotation of a joint from the poses of its two bones.
 
-    Beyond a deviation of 85 deg errors of pose come out more than eleven times larger in the other two
-    angles, which turn about nearly the same axis. At a deviation of exactly +-90 deg axial rotation is set to
-    0 and flexion takes the whole rotation, so that the angles still reproduce the pose.
+    Beyond a deviation of 85 deg, errors of pose are amplified more than elevenfold in the other two angles,
+    whose axes are nearly parallel. At a deviation of exactly +-90 deg, axial rotation is set to 0 and flexion
+    is the whole rotation, so that the angles still reproduce the pose.
 
     Parameters
     ----------
@@ -53,24 +55,24 @@ def joint_angles(
     hand : str
         right or left.
     rest : array, shape (4,), optional
-        Child to parent at neutral, where all angles are zero, in this hand's own frames (`mirror_rotations`
-        turns a right hand's into a left one's). Without it the bones' frames are parallel at neutral. A
-        thumb's metacarpal, which stands across the hand, needs one: else its flexion would be about the
-        hand's axis, and its angles would hold a large constant.
+        Rotation from child to parent in the neutral pose, in which all angles are zero, in this hand's frames
+        (`mirror_rotations` converts a right hand's to a left hand's). If omitted, the bones' frames are
+        parallel in the neutral pose. A thumb's metacarpal, which is oblique to the hand, needs it: otherwise
+        its flexion would be about the hand's axis, and its angles would contain a large constant.
     axes : array, shape (4,), optional
-        How the joint's axes stand in the child's frame; without it they are that frame's. e1 is where the
-        child's y is at neutral, fixed in the parent.
+        Rotation from the joint's axes to the child's frame; if omitted, the axes are those of that frame. e1
+        is the direction of the joint's y axis in the neutral pose, fixed in the parent.
 
     Returns
     -------
     array, shape (..., 3)
-        Degrees, signed as the module says; flexion and rotation within (-180, 180], not unwrapped, deviation
-        within [-90, 90].
+        Angles, deg, with signs as in the module's description; flexion and rotation within (-180, 180], not
+        unwrapped, deviation within [-90, 90].
 
     Raises
     ------
     InputError
-        Where hand is neither right nor left.
+        If hand is neither right nor left.
 
     """
     sign = _sign(hand)
@@ -94,7 +96,7 @@ def joint_rotation(
     rest: Float[Array, " 4"] | None = None,
     axes: Float[Array, " 4"] | None = None,
 ) -> Float[Array, "*n 4"]:
-    """Compute the rotations of a child against its parent from joint angles, the inverse of `joint_angles`.
+    """Compute rotations of a child relative to its parent from joint angles, the inverse of `joint_angles`.
 
     The child's pose is `multiply(parent, joint_rotation(...))`.
 
@@ -113,7 +115,7 @@ def joint_rotation(
     Raises
     ------
     InputError
-        Where hand is neither right nor left.
+        If hand is neither right nor left.
 
     """
     signed_rad = np.radians(angles_deg) * np.array([1.0, _sign(hand), _sign(hand)])
@@ -126,9 +128,9 @@ def joint_rotation(
 
 
 def mirror_rotations(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
-    """Mirror rotations of one hand's bones into those of the other hand in the mirrored posture.
+    """Convert rotations of one hand's bones to those of the other hand in the mirrored posture.
 
-    The mirror is the plane of x and z; x stays distal and z dorsal, so y goes from one side to the other.
+    The mirror plane contains x and z, so that x remains distal, z dorsal, and y changes sides.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ def mirror_rotations(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
     Returns
     -------
     array, shape (..., 4)
-        The mirrored ones.
+        Mirrored quaternions.
 
     """
     return np.asarray(quaternion * np.array([1.0, -1.0, 1.0, -1.0]))
@@ -146,11 +148,11 @@ def mirror_rotations(quaternion: Float[Array, "*n 4"]) -> Float[Array, "*n 4"]:
 
 def _sign(hand: str) -> float:
     if hand not in _SIGN:
-        raise InputError(f"hand is {hand!r}, expected right or left, which joint angles are signed by")
+        raise InputError(f"hand is {hand!r}; expected right or left, on which signs of joint angles depend")
     return _SIGN[hand]
 
 
 def _half_open_deg(angle_rad: Array) -> Array:
-    """Degrees within (-180, 180]: arctan2 tells the two halves of a half turn apart by the sign of a zero."""
+    """Convert to degrees within (-180, 180]; arctan2 returns -pi for half a turn if a zero is negative."""
     angle_deg = np.degrees(angle_rad)
     return np.asarray(np.where(angle_deg <= -180.0, 180.0, angle_deg))

@@ -1,4 +1,4 @@
-"""Digits of a layout whose anatomy is known, and their bones' rest orientations."""
+"""Digits of a layout with known anatomy, their bones' rest orientations, and models that a layout allows."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from shukotsu.study.model import SkeletonModel
 
 
 def root_of(layout: Layout) -> str:
-    """The segment from which the first digit hangs: the root of every chain."""
+    """Return the segment at which the first digit starts: the root of every chain."""
     return next(iter(layout.digits.values())).base
 
 
 def known_digits(layout: Layout) -> list[Digit]:
-    """Digits of the layout whose anatomy is known."""
+    """List the digits of the layout whose anatomy is known."""
     return [
         digit
         for digit in layout.digits.values()
@@ -30,8 +30,10 @@ def known_digits(layout: Layout) -> list[Digit]:
 
 
 def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]) -> str:
-    """The recommended model of a study: the first that fits the whole hand, else the last without manual
-    corrections that its layouts allow.
+    """Return the recommended model of a study.
+
+    It is the first that fits the whole hand, if a layout allows it; otherwise the last one without manual
+    corrections, preferably one that solves joint by joint.
     """
     whole = [name for name, model in models.items() if model.fitting is not None]
     if whole and any(map(known_digits, layouts)):
@@ -42,24 +44,24 @@ def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]
 
 
 def no_whole_hand(layout: Layout, model: str) -> str:
-    """Why a model that fits the whole hand cannot be taken for a layout; empty where it can."""
+    """Return why a model that fits the whole hand cannot be used with a layout; empty if it can."""
     if known_digits(layout):
         return ""
     return (
-        f"model {model} fits a whole hand, and layout {layout.name} is none, as no digit in it is a thumb or "
-        "a finger whose anatomy is known; take model paper-fig4, which solves each joint by itself"
+        f"model {model} fits a whole hand, but layout {layout.name} does not describe one: no digit of it is "
+        "a thumb or finger of known anatomy; use model paper-fig4, which solves each joint separately"
     )
 
 
 def refusal(layout: Layout, name: str, model: SkeletonModel) -> str:
-    """Why a model cannot be taken for a layout; empty where it can."""
+    """Return why a model cannot be used with a layout; empty if it can."""
     return no_whole_hand(layout, name) if model.fitting is not None else ""
 
 
 def rest_rotations(
     layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
 ) -> dict[str, Array]:
-    """Quaternion (4,) of joints of known anatomy, child to parent, straight and flat, by joint."""
+    """Return quaternions (4,), child to parent, of joints of known anatomy in the flat hand, by joint."""
     turns = {}
     for digit in known_digits(layout):
         above = np.eye(3)

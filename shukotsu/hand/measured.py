@@ -1,14 +1,14 @@
-"""Which joints, bones and tips the receivers measured: one rule for all models, layouts and tables.
+"""Which joints, bones and tips the receivers measure: one rule for all models, layouts and tables.
 
-Bones are a tree. What lies between two receivers with a valid pose is measured; what lies beyond the last
-receiver is not, since only anatomy, or a coupling to another joint, constrains it. So a joint is measured
-where a receiver is valid on either side of it, a bone where it carries one or lies between two, and the tip
-of a digit where its last bone carries one.
+Bones form a tree. What is between two receivers with a valid pose is measured. What is beyond the last
+receiver is not, since only anatomy, or a coupling to another joint, constrains it. So a joint is measured if
+receivers are valid on both sides of it, a bone if it carries one or is between two, and the tip of a digit if
+its last bone carries one.
 
-A receiver's six coordinates determine at most six angles between it and the receiver before, and no chain of
-a hand has more: without the middle phalanx's receiver the position of the distal one separates the PIP and
-the DIP joint, and from the proximal phalanx alone follows the CMC joint of a metacarpal. The stated errors
-quantify how well.
+A receiver's six coordinates determine at most six angles between it and the previous receiver, and no chain
+of a hand has more. Without the middle phalanx's receiver, the position of the distal one separates the PIP
+and the DIP joint; a receiver on the proximal phalanx is sufficient for a metacarpal's CMC joint. The stated
+errors quantify how well.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NOT_MEASURED = "not-measured"
 
 @dataclass(frozen=True)
 class Measured:
-    """What is measured in each of T frames, (T,) bool: joints by name, bones by segment, tips by digit."""
+    """Whether joints (by name), bones (by segment) and tips (by digit) are measured in frames, (T,) bool."""
 
     joints: Mapping[str, Bools]
     bones: Mapping[str, Bools]
@@ -36,7 +36,10 @@ class Measured:
 
 
 def measured_in(layout: Layout, segments: Sequence[str], valid: Bools) -> Measured:
-    """Return what frames measure. segments : S, of the receivers; valid : (T, S), which have a pose."""
+    """Find which joints, bones and tips are measured in each frame.
+
+    segments : S segments with receivers. valid : (T, S) whether a receiver has a pose.
+    """
     beyond = _beyond(layout)
 
     def seen(bones: Collection[str]) -> Bools:
@@ -54,7 +57,10 @@ def measured_in(layout: Layout, segments: Sequence[str], valid: Bools) -> Measur
 
 
 def not_worn(layout: Layout, joint: str, worn: Collection[str]) -> list[str]:
-    """Return the missing receivers that leave a joint unmeasured, if it is. worn : segments."""
+    """Return segments of which one would need a receiver to measure a joint; empty if it is measured.
+
+    worn : segments that carry a receiver.
+    """
     beyond, child = _beyond(layout), layout.joints[joint].child
     for side in (beyond[child], _before(beyond, child)):
         if not side & {*worn}:
@@ -63,7 +69,7 @@ def not_worn(layout: Layout, joint: str, worn: Collection[str]) -> list[str]:
 
 
 def _beyond(layout: Layout) -> dict[str, set[str]]:
-    """Return each bone's segments, itself and those beyond it."""
+    """Return the set of segments from each bone outward, including the bone."""
     above = {joint.child: joint.parent for joint in layout.joints.values()}
     beyond = {name: {name} for name in layout.segments}
     for name in layout.segments:
@@ -75,10 +81,10 @@ def _beyond(layout: Layout) -> dict[str, set[str]]:
 
 
 def _before(beyond: Mapping[str, set[str]], child: str) -> set[str]:
-    """Return the segments of a bone's tree that are not beyond the joint before it."""
+    """Return the segments of a bone's tree on the other side of the bone's proximal joint."""
     return max((bones for bones in beyond.values() if child in bones), key=len) - beyond[child]
 
 
 def not_measured_text(segments: Sequence[str]) -> str:
-    """Return why a joint or a tip is not measured; segments : those without a receiver."""
+    """Return the reason why a joint or a tip is not measured; segments : those without a receiver."""
     return f"not measured: no receiver on {listed(segments)}"

@@ -1,15 +1,15 @@
-"""Neutral poses of bones: which way a thumb's metacarpal faces, and where joint angles are zero.
+"""Neutral poses of bones: which way a thumb's metacarpal faces, and the zero of joint angles.
 
-A bone frame's +Y is the back of the bone, and a thumb's metacarpal has two, some 100 deg apart about its long
-axis. In our tables it faces as the receiver over it does. A rig driven by these frames needs one of them: the
-nail's side, as for its phalanges.
+The dorsal direction of a thumb's metacarpal can be defined in two ways, some 100 deg apart about its long
+axis. In our tables it is that of the receiver on it. A rig driven by these frames needs a single definition,
+which is the nail's side, as for the phalanges.
 
-A thumb's phalanges are unambiguous: y is their axis of flexion, z points to the nail's side. On the nail's
-side of the metacarpal, y is nearest the MCP joint's axis of flexion. Towards the back of the hand, y is
-nearest the axis that musculoskeletal models (MyoHand) call the CMC joint's flexion, although the thumb leaves
-the palm about it. A receiver sits where the thumb has room for it, so the data decide which way it faces. The
-MCP joint bends and deviates, which are swings, but hardly turns about the long axis: the twist between the
-two receivers is that of the facing.
+A thumb's phalanges are unambiguous: y is their axis of flexion, z points to the nail's side. If the
+metacarpal faces the nail's side, y is nearest the MCP joint's axis of flexion. If it faces the back of the
+hand, y is nearest the axis that musculoskeletal models (MyoHand) call the CMC joint's flexion, although about
+it the thumb leaves the palm. A receiver is placed where the thumb has room for it, so the data determine
+which way it faces. The MCP joint flexes and deviates but hardly turns about the long axis, so that the twist
+between the two receivers shows it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from shukotsu.study.layout import Layout
 def to_nail_side(
     layout: Layout, hand: str, joints: Sequence[SkeletonJoint], quaternion: Array
 ) -> dict[int, Array]:
-    """Rotation that turns a thumb's metacarpal to its nail's side, where it faces the back of the hand.
+    """Find the rotation to its nail's side of a thumb's metacarpal that faces the back of the hand.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def to_nail_side(
     Returns
     -------
     dict
-        Index of the metacarpal -> quaternion (4,) in its bone frame; empty where it faces the nail's side.
+        Index of the metacarpal -> quaternion (4,) in its bone frame; empty if it faces the nail's side.
 
     """
     places = {(joint.digit, joint.segment): i for i, joint in enumerate(joints) if not joint.tip}
@@ -66,7 +66,7 @@ def to_nail_side(
 def bone_angles_deg(
     layout: Layout, hand: str, bones: PosedRecording, facing: Mapping[int, Array]
 ) -> dict[str, Array]:
-    """Angles of the joints of known anatomy (docs/movement.md).
+    """Compute the angles of joints of known anatomy (docs/movement.md).
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def bone_angles_deg(
     bones : PosedRecording
         The hand over T frames.
     facing : mapping
-        As `to_nail_side` returns it.
+        Rotation of the thumb's metacarpal, as returned by `to_nail_side`.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def bone_angles_deg(
 
 
 def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
-    """Add a posed hand's offsets, rest and neutral rotations; a thumb's metacarpal faces its nail's side.
+    """Add offsets, rest and neutral rotations to a posed hand, its thumb's metacarpal facing the nail's side.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
     Returns
     -------
     PosedRecording
-        Rest rotations are means over time, and so are offsets that bone lengths do not determine, NaN
-        without a frame. The root has zero offset and no rotation.
+        The hand. Rest rotations are means over time, and so are offsets that bone lengths do not determine
+        (NaN without a frame). The root has zero offset and no rotation.
 
     """
     hand, quaternion, axis = bones.hand, bones.quaternion.copy(), bones.axis.copy()
@@ -178,20 +178,20 @@ def zeros_facing(
 
 
 def neutral_rotation(joint: SkeletonJoint, hand: str) -> Array:
-    """Rotation (4,) of a fitted joint's bone against its parent where its angles are zero."""
+    """Return the rotation (4,) of a fitted joint's bone relative to its parent at zero angles."""
     return joint_rotation(np.array(joint.zero_deg[:3]), hand)
 
 
 def angle_axes(joint: SkeletonJoint, hand: str) -> Array:
-    """Rotation (4,) from the axes of the joint's angles to the bone's frame; identity by default."""
+    """Return the rotation (4,) from the axes of a joint's angles to the bone's frame; identity by default."""
     return joint_rotation(np.array([0.0, 0.0, *(joint.zero_deg[3:] or (0.0,))]), hand)
 
 
 def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:
-    """Rotations (J, 4) of bones against their parents where joint angles are zero (`docs/movement.md`).
+    """Return rotations (J, 4) of bones relative to their parents at zero joint angles (`docs/movement.md`).
 
-    The thumb's metacarpal faces its nail's side; a fitted hand's own, else the average hand's. NaN of the
-    root, of tips, of unknown digits and of joints without a degree of freedom.
+    They are those of the fitted hand, otherwise those of the average hand, with the thumb's metacarpal facing
+    its nail's side. They are NaN for the root, tips, unknown digits and joints without a degree of freedom.
     """
     nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in DIGITS.items()}
     rests = rest_rotations(layout, hand, nails)
@@ -201,27 +201,27 @@ def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]
 
 
 def _of_hand(quaternion: Array, hand: str) -> Array:
-    """A right hand's rotation between bone frames as that of the hand."""
+    """Convert a right hand's rotation between bone frames to that of the hand."""
     return mirror_rotations(quaternion) if hand == "left" else quaternion
 
 
 def faces_nail(relative: Array, at_nail: Array, at_hand: Array) -> bool:
-    """Whether a thumb's metacarpal faces the nail's side: the facing to which most frames are nearer.
+    """Return whether a thumb's metacarpal faces the nail's side in most frames.
 
-    All three rotations are of the same hand, right or left, whose twists are mirrored. Frames have x distal
-    and z dorsal.
+    All three rotations must be of the same hand, as twists of right and left hands are mirrored. Frames have
+    x distal and z dorsal.
 
     Parameters
     ----------
     relative : array, shape (T, 3, 3)
         Rotation from the proximal phalanx's receiver to the metacarpal's, in frames in which both are valid.
     at_nail, at_hand : array, shape (3, 3)
-        The same of a straight average thumb whose metacarpal faces the nail's side or the back of the hand.
+        The same for a straight average thumb whose metacarpal faces the nail's side or the back of the hand.
 
     Returns
     -------
     bool
-        False without a frame.
+        Whether it faces the nail's side; False if T is 0.
 
     """
     twist = _twist_rad(relative)
@@ -232,6 +232,6 @@ def faces_nail(relative: Array, at_nail: Array, at_hand: Array) -> bool:
 
 
 def _twist_rad(rotation: Array) -> Array:
-    """Angles (...) about x of rotations (..., 3, 3) taken apart into twist about x and swing across it."""
+    """Return the twist (...), rad, about x of rotations (..., 3, 3) decomposed into swing and twist."""
     trace = np.trace(rotation, axis1=-2, axis2=-1)
     return np.asarray(2 * np.arctan2(rotation[..., 2, 1] - rotation[..., 1, 2], 1 + trace))

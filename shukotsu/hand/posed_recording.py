@@ -1,7 +1,7 @@
-"""Reader of a recording of a hand under any skeleton model, from the tables of its subject.
+"""Reader of a hand's recording under any skeleton model, from the tables of its subject.
 
-Display, measurement and export of a moving hand all read it here: receivers and bones block by block, and the
-numbers of every table that has rows frame by frame (joint angles, tips, errors), at the frames asked for.
+Display, measurement and export of a moving hand all use it. It reads receivers and bones block by block, and
+the columns of every frame-by-frame table (joint angles, tips, errors) at requested frames.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks
 from shukotsu.tables.typed_table import Table, rows_of
 
 BLOCK_FRAMES = 1 << 14
-"""Frames that are posed at a time."""
+"""Number of frames that are posed at a time."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 
@@ -44,9 +44,27 @@ T = TypeVar("T")
 def read_skeleton(
     tables: Callable[[str], Path], opened: Opened, layout: Layout, model: SkeletonModel, part: Part
 ) -> Skeleton:
-    """Read one hand under one model. Raises InputError where a table is absent or its making failed.
+    """Read one hand's skeleton under one model.
 
-    tables, opened : as in `RecordingReader`.
+    Parameters
+    ----------
+    tables, opened : callable
+        As in `RecordingReader`.
+    layout, model : Layout, SkeletonModel
+        Layout of the hand, and skeleton model.
+    part : Part
+        Hand, model, and the task left out.
+
+    Returns
+    -------
+    Skeleton
+        Joints and bones.
+
+    Raises
+    ------
+    InputError
+        If a table does not exist or contains only the reason why it could not be made.
+
     """
 
     def rows(table: Table) -> list[Any]:
@@ -64,11 +82,26 @@ def read_skeleton(
 
 @dataclass(frozen=True)
 class RecordingReader:
-    """A recording of a hand and where to read it under one model.
+    """Reader of one recording of a hand under one model.
 
-    poses_file : the recording's poses table. part : whose rows of the tables. tables : returns the file of
-    a table by its name. opened : opens a table. What it reads raises InputError where a table is absent or
-    its making failed, and where it has no row of the recording.
+    Its methods raise InputError if a table does not exist, contains only the reason why it could not be made,
+    or has no row of the recording.
+
+    Attributes
+    ----------
+    recording : Recording
+        The recording.
+    layout, model : Layout, SkeletonModel
+        Layout of the hand, and skeleton model.
+    part : Part
+        Keys of the rows to read: hand, model, and the task left out.
+    poses_file : Path
+        The recording's poses table.
+    tables : callable
+        Name of a table -> its file.
+    opened : callable
+        Opens a table.
+
     """
 
     recording: Recording
@@ -86,17 +119,17 @@ class RecordingReader:
 
     @property
     def is_fitted(self) -> bool:
-        """Whether the model fits the whole hand, so that tables have its bones' poses."""
+        """Whether the model fits the whole hand, so that a table has its bones' poses."""
         return self.model.fitting is not None
 
     @cached_property
     def skeleton(self) -> Skeleton:
-        """Joints and bones."""
+        """Joints and bones of the hand."""
         return read_skeleton(self.tables, self.opened, self.layout, self.model, self.part)
 
     @cached_property
     def moved(self) -> list[Any]:
-        """Rows of moved_receivers of the recording: what sits elsewhere in it than in the calibration."""
+        """Rows of moved_receivers: receivers displaced in this recording relative to the calibration."""
         if not self.is_fitted:
             return []
         rows = rows_of(read_part(self.tables(MOVED_RECEIVERS.name), MOVED_RECEIVERS, self.part))
@@ -105,17 +138,17 @@ class RecordingReader:
         ]
 
     def unbelieved(self, column: str, name: str) -> str:
-        """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
+        """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty if it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
         return join_reasons(moved_finding(row).message for row in rows)
 
     @cached_property
     def seen(self) -> set[str]:
-        """Segments whose receivers have a pose in some frame."""
+        """Segments whose receivers have a pose in at least one frame."""
         return seen_segments(self.poses_file)
 
     def unmeasured(self, joint: str) -> str:
-        """Return why no frame of the recording measures a joint; empty where one may."""
+        """Return why no frame of the recording can measure a joint; empty if one may."""
         lacking = not_worn(self.layout, joint, self.seen)
         return not_measured_text(lacking) if lacking else ""
 
@@ -130,38 +163,38 @@ class RecordingReader:
         Parameters
         ----------
         every : int
-            Frames from one that is read to the next; 1 for all.
+            Read every n-th frame; 1 for all.
 
         Returns
         -------
         Poses
-            Of the layout's measured segments.
+            Poses of the layout's measured segments.
 
         Raises
         ------
         InputError
-            Where the poses table is absent or its making failed.
+            If the poses table does not exist or contains only the reason why it could not be made.
 
         """
         return read_every(self.poses_file, self.layout.measured, every)
 
     def pose_blocks(self) -> Iterator[Poses]:
-        """Read the receivers' poses so many frames at a time, at least one block, which may be empty."""
+        """Read the receivers' poses in blocks of frames; there is at least one block, which may be empty."""
         if self.n_frames <= BLOCK_FRAMES:
             return iter((self.poses(),))
         return pose_blocks(self.poses_file, self.layout.measured, BLOCK_FRAMES)
 
     def bones(self, poses: Poses, skeleton: Skeleton | None = None) -> PosedRecording:
-        """Pose all bones at the frames of the recording's poses, or of some of them.
+        """Pose all bones in some or all frames of the recording.
 
-        A digit of which a joint failed, or that the fit does not pose, is left out.
+        Digits with a failed joint, or that the fit does not pose, are left out.
 
         Parameters
         ----------
         poses : Poses
             T frames of the recording.
         skeleton : Skeleton, optional
-            The skeleton, where it was read already.
+            The skeleton, if it was read already.
 
         Returns
         -------
@@ -171,7 +204,7 @@ class RecordingReader:
         Raises
         ------
         InputError
-            Where a table is absent, its making failed, or it has no row of the recording.
+            If a table does not exist, could not be made, or has no row of the recording.
 
         """
         skeleton = skeleton or self.skeleton
@@ -206,20 +239,20 @@ class RecordingReader:
         frames : array of int, shape (T,), optional
             Ascending frame numbers to read; all frames if omitted.
         name : str
-            The only segment, digit or joint to read; all if empty.
+            Segment, digit or joint to read; all if empty.
         every : bool
             Whether, without `frames`, each frame must have a row.
 
         Returns
         -------
         dict
-            Segment, digit or joint -> array (T, C), NaN where the table has no row; empty where it has none
-            of the recording.
+            Segment, digit or joint -> array (T, C), NaN for frames without a row; empty if the table has no
+            row of the recording.
 
         Raises
         ------
         InputError
-            Where the table is absent or its making failed.
+            If the table does not exist or could not be made.
 
         """
         key = self.part, self.recording.task, self.recording.trial
@@ -228,15 +261,15 @@ class RecordingReader:
             return parts.recording(*key, columns, count, frames, name)
 
     def numbers_at(self, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
-        """Return `numbers` at frames; raise InputError where the table has no row of the recording."""
+        """Return `numbers` at frames; raise InputError if the table has no row of the recording."""
         if numbers := self.numbers(table, columns, frames):
             return numbers
         raise InputError(f"the {table.name} table has no row of this recording")
 
     def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
-        """Return readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
+        """Return a function for each segment, digit or joint that reads its columns (T, C) in all frames.
 
-        Raises InputError as `numbers_at`.
+        Raise InputError if the table has no row of the recording.
         """
         names = self.numbers_at(table, (), next(self.pose_blocks()).frame[:1])
 
@@ -249,14 +282,17 @@ class RecordingReader:
         numbers = self.numbers(table, columns, poses.frame)
         if len(poses.frame) and not numbers:
             raise InputError(
-                f"{self.tables(table.name)}: has no row of {self.recording.name}; nothing of it could be "
-                "posed; the study's table of problems says why"
+                f"{self.tables(table.name)}: has no row of {self.recording.name}; no frame of it could be "
+                "posed; the study's table of problems states why"
             )
         return numbers
 
 
 def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return what `read` returns, or None and its message among the reasons; a TableError is raised."""
+    """Return the result of `read`; if it raises InputError, append the message to `reasons` and return None.
+
+    TableError is passed on.
+    """
     try:
         return read()
     except TableError:
@@ -269,7 +305,7 @@ def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
 def recording_reader(
     plan: SubjectPlan, recording: Recording, model: str, opened: Opened = open_parts
 ) -> RecordingReader:
-    """Return the reader of a recording of a plan under one of its models."""
+    """Return the reader of a plan's recording under one of its models."""
     hand = recording.hand.hand
     tables = partial(plan.table, hand=hand, model=model)
     of_hand = recording, plan.layouts[hand], plan.models[model]

@@ -1,10 +1,10 @@
-"""Where the bones of a skeleton are in a recording, whatever its model.
+"""Poses of a skeleton's bones in a recording, for any model.
 
-Bone frames have x distal and z dorsal (docs/conventions.md). A fitted hand moves as the fit posed its bones
-with all receivers together. Of every other skeleton each bone goes with the receiver that drives it, turned
-against it by the constant rotation that lays the frame along the bone; its joint is where the child half of
-the centre is (that of a digit's base at the parent half or the wrist), metacarpals turn as the metacarpals
-table says, and the digit ends at the origin of its distal receiver.
+Bone frames have x distal and z dorsal (docs/conventions.md). For a fitted hand, poses are those of the fit,
+which uses all receivers together. For every other skeleton, each bone follows the receiver that drives it,
+with a constant rotation between the receiver's frame and the bone's. Its joint is at the child half of the
+centre (a digit's base at the parent half or the wrist), rotations of metacarpals are those of the metacarpals
+table, and the digit ends at the origin of its distal receiver.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
     import xarray
 
 _LEAST_RANGE_RAD = np.radians(1.0)
-"""A joint that turns by less shows no axis."""
+"""Range of a joint's rotation below which its axis cannot be determined."""
 
 
 @dataclass(frozen=True)
 class Skeleton:
-    """One hand under one model.
+    """Joints and bones of one hand under one model.
 
-    joints : joint_centres' rows by joint; bones : bone_lengths' rows by digit and bone, for a bone that two
-    digits share ends at another joint in each.
+    joints : rows of joint_centres by joint. bones : rows of bone_lengths by digit and bone, as a bone that
+    two digits share ends at a different joint in each.
     """
 
     layout: Layout
@@ -49,18 +49,31 @@ class Skeleton:
 
 
 ZERO_COLUMNS = ("rest_flexion_deg", "rest_abduction_deg", "rest_rotation_deg", "axes_turn_deg")
-"""Columns of joint_centres that say where a fitted joint's angles are zero, and about what they turn."""
+"""Columns of joint_centres that define the zero and the axes of a fitted joint's angles."""
 
 
 @dataclass(frozen=True)
 class SkeletonJoint:
-    """A joint, and the bone that starts there.
+    """A joint and the bone that starts there, or an end of a digit.
 
-    name : as the layout calls the joint; `<digit>_tip` is where a digit's bones end and `<digit>_skin_tip`,
-    after it, where its skin does. parent : index of the joint before it, -1 where there is none. segment :
-    the bone; a tip's is that which it ends. digit : empty for the root. tip : whether it is such an end. dof
-    : degrees of freedom that the model gave it, 0 where none are known. zero_deg : numbers of `ZERO_COLUMNS`;
-    none where the model has none.
+    Attributes
+    ----------
+    name : str
+        Name of the joint in the layout; `<digit>_tip` for the end of a digit's bones, `<digit>_skin_tip`,
+        which follows it, for the end of its skin.
+    parent : int
+        Index of the previous joint; -1 for the root.
+    segment : str
+        The bone; for an end, the bone that ends there.
+    digit : str
+        Digit of the joint; empty for the root.
+    tip : bool
+        Whether it is an end of a digit.
+    dof : int
+        Degrees of freedom in the model; 0 if unknown.
+    zero_deg : tuple of float
+        Values of `ZERO_COLUMNS`; empty if the model has none.
+
     """
 
     name: str
@@ -74,9 +87,9 @@ class SkeletonJoint:
 
 @dataclass(frozen=True)
 class Origin:
-    """Whose motion it is and what it was made from.
+    """Recording, model and input files of a motion.
 
-    inputs : SHA-256 of the tables, by their path in the results folder. licence : words of the user.
+    inputs : SHA-256 of the tables, by their path in the results folder. licence : licence stated by the user.
     """
 
     recording: RecordingName
@@ -96,34 +109,33 @@ class PosedRecording:
     Parameters
     ----------
     joints : tuple of SkeletonJoint, length B
-        The bones, each named by the joint that it starts at.
+        Bones, each named after the joint at which it starts.
     position_mm : array, shape (T, B, 3)
-        Of the joints, in the transmitter frame; NaN where not known.
+        Positions of the joints in the transmitter frame; NaN if unknown.
     quaternion : array, shape (T, B, 4)
-        Unit (w, x, y, z), bone to transmitter frame, x distal and z dorsal; NaN where not known. A tip has
-        its bone's.
+        Unit quaternions (w, x, y, z), bone to transmitter frame, x distal and z dorsal; NaN if unknown. A tip
+        has the rotation of its bone.
     receivers : Poses
-        The R receivers that the bones come from, over the same frames, by number and device time, NaN where
-        there is none.
+        The R receivers from which the bones were posed, over the same frames.
     rest_offset_mm : array, shape (B, 3)
-        Each joint in its parent's bone frame by the bone's length; zeros for the root, all NaN for a digit's
-        first joint and for the skin beyond its last bone, of which no table but the motion tells, and
-        (NaN, 0, 0) where the bone before has no length.
+        Offset of each joint in its parent's bone frame, from the bone's length. Zero for the root; all NaN
+        for a digit's first joint and for the skin beyond its last bone, whose offsets only the motion shows;
+        (NaN, 0, 0) if the bone before the joint has no length.
     axis : array, shape (B, 3)
-        Unit vector in its own bone's frame, of a joint of one degree of freedom; NaN where there is none.
+        Unit axis, in its bone's frame, of a joint with one degree of freedom; NaN for other joints.
     left_out : mapping of str to str
-        Digits that are not among the bones, and why.
+        Digits without bones, and why.
     root_failure : str
-        Why the root has no position.
+        Why the root has no position; otherwise empty.
     rest, neutral : array, shape (B, 4)
-        Each bone against its parent, on average over time, and where its joint angles are zero
-        (docs/movement.md), NaN where no anatomy says; both from `hand.neutral_bones.at_rest` on.
+        Rotation of each bone relative to its parent, averaged over time, and at zero joint angles
+        (docs/movement.md; NaN without known anatomy). Empty until set by `hand.neutral_bones.at_rest`.
     origin : Origin
-        Whose motion it is.
+        Recording and model.
     rate_hz : float
-        Frames a second, NaN where the times do not tell.
+        Frames per second; NaN if the times do not show it.
     notes : tuple of str
-        Sentences, in order, on what is left out and what was done to the motion since it was read.
+        Sentences on what is left out and how the motion was changed since it was read, in order.
 
     """
 
@@ -143,12 +155,12 @@ class PosedRecording:
 
     @property
     def frame(self) -> Index:
-        """Numbers of the frames (T,) as recorded; where resampled, of the one nearest in time."""
+        """Recorded numbers of the frames (T,); after resampling, of the frame nearest in time."""
         return self.receivers.frame
 
     @property
     def time_s(self) -> Array:
-        """Device times (T,), NaN where the recording has none."""
+        """Device times (T,); NaN if the recording has none."""
         return self.receivers.time_s
 
     @property
@@ -163,45 +175,45 @@ class PosedRecording:
 
     @property
     def parents(self) -> Index:
-        """Index of each joint's parent (B,), -1 where there is none."""
+        """Index of each joint's parent (B,); -1 for the root."""
         return np.array([joint.parent for joint in self.joints], np.int64)
 
     @cached_property
     def known(self) -> Bools:
-        """Whether joints have a whole pose in frames, (T, B)."""
+        """Whether each joint has a complete pose in each frame, (T, B)."""
         return known_points(self.position_mm, self.quaternion)
 
     @property
     def whole(self) -> Bools:
-        """Frames (T,) in which every joint has a pose."""
+        """Whether all joints have a pose in a frame, (T,)."""
         return np.asarray(self.known.all(1))
 
     def index(self, joint: str) -> int:
-        """Return the place of a joint among the bones; InputError where there is none of that name."""
+        """Return the index of a joint; raise InputError if the hand has no joint of that name."""
         if joint not in self.names:
             raise InputError(f"the hand has no joint {joint!r}; {guess(joint, self.names)}")
         return self.names.index(joint)
 
     def in_hand_mm(self) -> Array:
-        """Return positions (T, B, 3) in the frame of the root, which is at zero: x distal, z dorsal."""
+        """Return positions (T, B, 3) in the frame of the root: x distal, z dorsal."""
         moved = self.position_mm - self.position_mm[:, :1]
         return rotate(conjugate(self.quaternion[:, :1]), moved)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the moving hand with named dimensions and units, as the package movement names them.
+        """Convert the motion to an xarray data set, with dimensions named as in the package movement.
 
         Returns
         -------
         xarray.Dataset
             `position` (time, bone, space) in mm and `rotation` (time, bone, quaternion), bone to transmitter
-            frame, NaN in gaps. A bone has the name of the joint that it starts at; coordinates are its
-            `segment` and its parent's name, and each time's `frame` number. Time is in s, or is the frame
-            number unless every frame has a device time.
+            frame, NaN in gaps. A bone is named after the joint at which it starts; further coordinates are
+            its `segment`, the name of its `parent`, and the `frame` number of each time. Time is in s if
+            every frame has a device time, otherwise it is the frame number.
 
         Raises
         ------
         InputError
-            Where xarray is not installed.
+            If xarray is not installed.
 
         """
         try:
@@ -230,17 +242,17 @@ class PosedRecording:
         return xarray.Dataset(variables, coordinates, attributes)
 
     def only(self, kept: Sequence[int]) -> PosedRecording:
-        """Select some of the joints, each with its parent.
+        """Select some of the joints.
 
         Parameters
         ----------
         kept : sequence of int
-            Their indices, ascending.
+            Their indices, ascending, including the parent of each.
 
         Returns
         -------
         PosedRecording
-            With these joints.
+            The motion of these joints.
 
         """
         new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
@@ -258,7 +270,7 @@ class PosedRecording:
     def mapped(
         self, move: Callable[[Array], Array], turn: Callable[[Array], Array], **times: Any
     ) -> PosedRecording:
-        """Replace positions and rotations of joints and receivers by functions of them.
+        """Apply functions to positions and rotations of joints and receivers.
 
         Parameters
         ----------
@@ -267,7 +279,7 @@ class PosedRecording:
         turn : callable
             Rotations (T, N, 4) to rotations (F, N, 4).
         **times : array
-            frame, time_s (F,) and valid (F, R), where they change too.
+            New frame, time_s (F,) and valid (F, R), if they change as well.
 
         Returns
         -------
@@ -293,7 +305,7 @@ class PosedRecording:
         Returns
         -------
         PosedRecording
-            With these frames.
+            The motion in these frames.
 
         """
         receivers = self.receivers.take(rows if isinstance(rows, slice) else np.arange(len(self.frame))[rows])
@@ -301,12 +313,12 @@ class PosedRecording:
         return replace(self, position_mm=kept[0], quaternion=kept[1], receivers=receivers)
 
     def noting(self, *sentences: str) -> PosedRecording:
-        """Return the same with more notes."""
+        """Append notes."""
         return replace(self, notes=(*self.notes, *sentences))
 
 
 def known_points(position_mm: Array, quaternion: Array) -> Bools:
-    """Find the points that have a whole pose.
+    """Find the points that have a complete pose.
 
     Parameters
     ----------
@@ -326,10 +338,18 @@ def known_points(position_mm: Array, quaternion: Array) -> Bools:
 
 @dataclass(frozen=True)
 class ReceiverPoint:
-    """A joint's centre or a tip that a receiver carries: at point_mm (3,) in the frame of that of `segment`.
+    """A joint centre or tip that a receiver carries.
 
-    name : the joint whose row of joint_centres says so (of a digit that starts at the wrist, the wrist), or
-    `<digit>_tip`. segment : empty where the point is nowhere.
+    Attributes
+    ----------
+    name : str
+        Joint whose row of joint_centres states the point (the wrist, for the base of a digit that starts
+        there), or `<digit>_tip`.
+    segment : str
+        Segment of the receiver; empty if the point is unknown.
+    point_mm : array, shape (3,)
+        The point in the receiver's frame.
+
     """
 
     name: str
@@ -337,7 +357,7 @@ class ReceiverPoint:
     point_mm: Array
 
     def position_mm(self, poses: Poses) -> Array:
-        """Positions of the point over time.
+        """Compute the positions of the point over time.
 
         Parameters
         ----------
@@ -347,7 +367,7 @@ class ReceiverPoint:
         Returns
         -------
         array, shape (T, 3)
-            In the transmitter frame, mm; NaN where the receiver has no valid pose.
+            Positions in the transmitter frame, mm; NaN if the receiver has no valid pose.
 
         """
         if not self.segment:
@@ -359,8 +379,8 @@ class ReceiverPoint:
 def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]) -> PosedRecording:
     """Pose the bones of a hand as its receivers carry them.
 
-    The tips table is made from these bones, also for a model that fits the whole hand. A digit of which a
-    joint failed is left out.
+    The tips table is made from these bones, even for models that fit the whole hand. Digits with a failed
+    joint are left out.
 
     Parameters
     ----------
@@ -369,17 +389,17 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
     poses : Poses
         The receivers over T frames.
     metacarpals : mapping
-        Digit -> quaternions (T, 4), bone to transmitter frame; NaN is taken for a digit that it lacks.
+        Digit -> quaternions (T, 4), bone to transmitter frame; missing digits are NaN.
 
     Returns
     -------
     PosedRecording
-        The bones, NaN where their receiver has no pose.
+        The bones; NaN in frames in which their receiver has no pose.
 
     Raises
     ------
     InputError
-        Where the model asks for a first joint of its own that no receiver measures.
+        If the model names a CMC joint that no receiver measures.
 
     """
     layout = skeleton.layout
@@ -405,7 +425,7 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
             continue
         turn = metacarpals.get(digit.name, np.full((len(poses.frame), 4), np.nan))
         rows = [skeleton.bones[digit.name, bone] for bone in digit.segments]
-        # as the replay has them: of their vectors, or their own where a bone is posed frame by frame
+        # as in the replay: lengths of the bone vectors, or stated lengths of bones posed frame by frame
         lengths_mm = [float(np.linalg.norm(vector_of(row, "", "_mm"))) for row in rows]
         lengths_mm = [
             length_mm if np.isfinite(length_mm) else _number(row["length_mm"])
@@ -419,7 +439,7 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
 def fitted_bones(
     skeleton: Skeleton, poses: Poses, bone_poses: Mapping[str, Array], ends_mm: Mapping[str, Array]
 ) -> PosedRecording:
-    """Pose the bones of a hand that was fitted as a whole, as the fit posed them.
+    """Pose the bones of a hand that was fitted as a whole, using the poses of the fit.
 
     Parameters
     ----------
@@ -430,12 +450,12 @@ def fitted_bones(
     bone_poses : mapping
         Segment -> poses (T, 7): position in mm, then quaternion, in the transmitter frame.
     ends_mm : mapping
-        Digit -> end of its last bone and of the skin beyond, (T, 6), or of the bone alone, (T, 3).
+        Digit -> end of its last bone and of the skin beyond (T, 6), or of the bone alone (T, 3), mm.
 
     Returns
     -------
     PosedRecording
-        The bones; the axis of a hinge is the one about which its bones turn.
+        The bones; the axis of a hinge is estimated from their motion.
 
     """
     layout, count = skeleton.layout, len(poses.frame)
@@ -449,7 +469,7 @@ def fitted_bones(
     for digit in layout.digits.values():
         missing = [bone for bone in digit.segments if bone not in bone_poses]
         if missing and bone_poses:
-            build.left_out[digit.name] = f"the fit of the whole hand poses no {missing[0]}"
+            build.left_out[digit.name] = f"the fit of the whole hand does not pose {missing[0]}"
             continue
         bones = [pose_of(bone) for bone in digit.segments]
         ends = ends_mm.get(digit.name, np.full((count, 3), np.nan))
@@ -467,7 +487,7 @@ def fitted_bones(
 
 
 def rigid_positions(posed: PosedRecording) -> Array:
-    """Place bones of constant length: each joint at its rest offset from its parent.
+    """Compute joint positions with bones of constant length, each joint at its rest offset from its parent.
 
     Parameters
     ----------
@@ -477,8 +497,9 @@ def rigid_positions(posed: PosedRecording) -> Array:
     Returns
     -------
     array, shape (T, B, 3)
-        mm, transmitter frame. A joint without a parent, or whose offset is all NaN (a digit's first), stays
-        where it is. The tips of `receiver_bones` so placed are those of the least-squares binding.
+        Positions in the transmitter frame, mm. A joint without a parent, or with an offset that is all NaN (a
+        digit's first), keeps its position. Tips computed from `receiver_bones` are those of the least-squares
+        binding.
 
     """
     out = posed.position_mm.copy()
@@ -491,9 +512,9 @@ def rigid_positions(posed: PosedRecording) -> Array:
 def digit_points(
     digit: Digit, layout: Layout, model: SkeletonModel, joints: Rows
 ) -> tuple[ReceiverPoint, ...]:
-    """Return a digit's joints and its tip on the receivers, nowhere where a joint failed or was not solved.
+    """Return a digit's joints and tip as points that receivers carry; `segment` is empty for failed joints.
 
-    A base that is not the wrist goes with its parent's receiver, every other joint with its child's.
+    A base that is not the wrist is carried by its parent's receiver, every other joint by its child's.
     """
     names, sides = list(digit.joints), ["child"] * len(digit.joints)
     if layout.wrist is not None and starts_at_wrist(digit, layout, model):
@@ -518,14 +539,14 @@ _Placed = tuple[Array, Array, Array]
 
 
 class _Builder:
-    """The bones so far, root first: joints, where they are, rest offsets; left_out : digits, and why."""
+    """Builder of a posed hand, root first; left_out : digits that are left out, and why."""
 
     def __init__(self, joint: SkeletonJoint, placed: _Placed) -> None:
         self.joints, self._placed, self._offsets = [joint], [placed], [np.zeros(3)]
         self.left_out: dict[str, str] = {}
 
     def add(self, joint: SkeletonJoint, placed: _Placed, offset_mm: Array) -> None:
-        """Add a joint."""
+        """Append a joint."""
         self.joints.append(joint)
         self._placed.append(placed)
         self._offsets.append(offset_mm)
@@ -533,7 +554,7 @@ class _Builder:
     def add_digit(
         self, skeleton: Skeleton, digit: Digit, placed: Sequence[_Placed], lengths_mm: Sequence[float]
     ) -> None:
-        """Add a digit's joints and its tip; lengths_mm : of its bones, NaN where not known."""
+        """Append a digit's joints and its tip; lengths_mm : lengths of its bones, NaN if unknown."""
         starts = [index for index, joint in enumerate(self.joints) if joint.segment == digit.base]
         parent, offset = next(iter(starts), -1), np.full(3, np.nan)
         for name, segment, pose, length_mm in zip(
@@ -550,7 +571,7 @@ class _Builder:
         self.add(tip, placed[-1], offset)
 
     def bones(self, poses: Poses, root_failure: str) -> PosedRecording:
-        """Join all bones that were added; each is let go of, as it is not needed twice."""
+        """Concatenate all bones; the builder's arrays are released one by one to limit memory."""
         axis = np.stack([axis for _, _, axis in self._placed])
         shape = (len(self._placed[0][0]), len(self.joints))
         position, turn = np.empty((*shape, 3)), np.empty((*shape, 4))
@@ -566,7 +587,7 @@ def _number(value: float | None) -> float:
 
 
 def root_names(layout: Layout) -> tuple[str, str]:
-    """Joint and segment of the root: the wrist, or without one what the first digit hangs from."""
+    """Return joint and segment of the root: the wrist, or the base of the first digit if there is none."""
     if layout.wrist is not None:
         return layout.wrist.joint, layout.wrist.segment
     base = next(iter(layout.digits.values())).base
@@ -574,7 +595,7 @@ def root_names(layout: Layout) -> tuple[str, str]:
 
 
 def _bone_frames(skeleton: Skeleton) -> dict[tuple[str, str], Array]:
-    """Rotation (4,) from each bone's frame to that of the receiver that drives it, by digit and bone."""
+    """Return the rotation (4,) from each bone's frame to its driving receiver's, by digit and bone."""
     dorsal = np.array([skeleton.layout.segments[segment].dorsal for _, segment in skeleton.bones])
     along_mm = np.array([vector_of(row, "", "_mm") for row in skeleton.bones.values()])
     frames = bone_frame(along_mm.reshape(-1, 3), dorsal.reshape(-1, 3))
@@ -588,7 +609,10 @@ def _receiver_digit(
     metacarpal: Array,
     frames: Mapping[tuple[str, str], Array],
 ) -> list[_Placed]:
-    """Joints and tip of one digit. metacarpal : (T, 4), of a digit that has one. frames : `_bone_frames`."""
+    """Pose the joints and tip of one digit.
+
+    metacarpal : (T, 4) rotation of its metacarpal, if it has one. frames : result of `_bone_frames`.
+    """
     *points, end = digit_points(digit, skeleton.layout, skeleton.model, skeleton.joints)
     placed: list[_Placed] = []
     for index, (name, segment, point) in enumerate(zip(digit.joints, digit.segments, points, strict=True)):
@@ -598,24 +622,24 @@ def _receiver_digit(
             continue
         row, align = skeleton.bones[digit.name, segment], frames[digit.name, segment]
         joint, axis = skeleton.joints.get(name), NO_AXIS
-        if joint is not None and joint["dof"] == 1 and joint["axis_child_x"] is not None:  # a hinge's
+        if joint is not None and joint["dof"] == 1 and joint["axis_child_x"] is not None:
             axis = rotate(conjugate(align), vector_of(joint, "axis_child_"))
         placed.append((position, _frame_rotations(poses, row["driven_by"], align), axis))
     return [*placed, (end.position_mm(poses), placed[-1][1], NO_AXIS)]
 
 
 def _frame_rotations(poses: Poses, segment: str, align: Array) -> Array:
-    """Rotations (T, 4) of a frame that a receiver carries, NaN where it is not valid."""
+    """Return rotations (T, 4) of a frame that a receiver carries; NaN if the receiver is not valid."""
     index = poses.index(segment)
     turn = multiply(poses.quaternion[:, index], align)
     return np.where(poses.valid[:, index, None], turn, np.nan)
 
 
 def _axis_turned_about(bones: PosedRecording, index: int) -> Array:
-    """The axis (3,) that a joint of one degree of freedom turns about, as the posed bones show it.
+    """Return the axis (3,) about which a joint with one degree of freedom turns, from the posed bones.
 
-    The fit turns such a joint about one constant axis, which the bones' own rotations hold without the
-    receivers' skin. NaN where it hardly moves.
+    The fit turns such a joint about a single constant axis, which the rotations of the bones show without
+    skin motion. NaN if the joint hardly moves.
     """
     joint = bones.joints[index]
     if joint.dof != 1 or joint.parent < 0:

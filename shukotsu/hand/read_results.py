@@ -1,6 +1,4 @@
-"""Results as notebooks want them: a table as a DataFrame, a recording as a hand that moves, also at joint
-angles that somebody names.
-"""
+"""Results for notebooks: tables as data frames, posed hands of recordings, and hands bent to joint angles."""
 
 from __future__ import annotations
 
@@ -29,11 +27,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Angles = float | Sequence[float] | Array
-"""Angles of a joint, deg: flexion; or flexion, deviation, axial rotation (3,); or these over time (T, 3)."""
+"""Angles of a joint, deg: flexion alone, the three angles (3,), or the three angles over time (T, 3)."""
 
 
 def read_file(path: Path) -> pd.DataFrame:
-    """Read any Parquet table of a study, checked as the stages check it.
+    """Read any Parquet table of a study, with the same checks as in the stages.
 
     Parameters
     ----------
@@ -43,15 +41,15 @@ def read_file(path: Path) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A gap is pandas' missing value; an integer or a truth value that may be missing has pandas' nullable
-        type. `attrs` holds `table` (its name), `key` (the columns that tell rows apart), `units` and
-        `descriptions` by column.
+        The table, with gaps as pandas' missing values; integer and boolean columns that may have gaps have
+        pandas' nullable types. `attrs` has `table` (its name), `key` (the columns that identify a row),
+        `units` and `descriptions` by column.
 
     Raises
     ------
     InputError
-        Where the file is absent, damaged, another program's or another version's, and where it holds the
-        reason why its making failed.
+        If the file does not exist, is damaged, was written by another program or version, or contains only
+        the reason why it could not be made.
 
     """
     import pandas as pd
@@ -89,7 +87,7 @@ def pose(
     trial: str = "",
     session: str = "",
 ) -> PosedRecording:
-    """Pose a hand's bones in one of its recordings, as a study's results have them under a model.
+    """Read the posed bones of a hand in one of its recordings, from a study's results under a model.
 
     Parameters
     ----------
@@ -108,8 +106,7 @@ def pose(
     Raises
     ------
     InputError
-        Where the study has no such subject, recording or model, and where a table is absent or its making
-        failed.
+        If the study has no such subject, recording or model, or a table does not exist or could not be made.
 
     """
     plan = plan_of_results(Results(Path(results)).plan(subject, session))
@@ -121,35 +118,35 @@ def pose(
 
 
 def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecording:
-    """Bend a hand to joint angles (docs/movement.md), in the frame of the hand's own bone.
+    """Bend a hand to joint angles (docs/movement.md), in the frame of its root bone.
 
-    Bones keep their lengths, and each digit starts where it starts in the recording on average.
+    Bones keep their lengths, and each digit starts at its mean position in the recording.
 
     Parameters
     ----------
     posed : PosedRecording
         The hand, as `pose` returns it.
     angles_deg : mapping of str to float, (3,) or (T, 3)
-        By joint: flexion alone, or flexion, deviation and axial rotation, or these over time. A joint that is
-        not named has all angles zero.
+        By joint: flexion alone, or flexion, deviation and axial rotation, or these over time. All angles of
+        other joints are zero.
 
     Returns
     -------
     PosedRecording
-        The same hand over T frames, counted from 0; time_s is NaN.
+        The same hand over T frames, numbered from 0; time_s is NaN.
 
     Raises
     ------
     InputError
-        Where a joint is not of the hand, or two series differ in length.
+        If the hand lacks a joint, or two series differ in length.
 
     """
     turns = {posed.index(joint): _series(joint, angles) for joint, angles in angles_deg.items()}
     counts = {len(turn) for turn in turns.values()} - {1}
     if len(counts) > 1:
         raise InputError(
-            f"angles over {' and '.join(count_of(n, 'frame') for n in sorted(counts))}; expected as "
-            f"many in all"
+            f"angles over {' and '.join(count_of(n, 'frame') for n in sorted(counts))}; expected the same "
+            "number for all joints"
         )
     count = max(counts, default=1)
     position = np.zeros((count, len(posed.joints), 3))
@@ -169,7 +166,7 @@ def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecord
 
 
 def _series(joint: str, angles_deg: Angles) -> Array:
-    """Return angles (T, 3) of what a caller passes for a joint."""
+    """Convert the angles of a joint to shape (T, 3), deg."""
     angles = np.asarray(angles_deg, float)
     if angles.ndim == 0:
         return np.array([[float(angles), 0.0, 0.0]])

@@ -20,21 +20,26 @@ from shukotsu.tables.poses import Poses
 ANGLES = ("flexion", "abduction", "rotation")
 
 ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
-"""Columns of joint_angles, without the angle's name."""
+"""Suffixes of error columns of joint_angles, which follow the angle's name."""
 
 LONG_FRAMES = 1 << 18
-"""Frames, 18 minutes at 240 Hz, above which numbers are in single precision, far below their noise."""
+"""Number of frames (18 minutes at 240 Hz) above which values are stored in single precision, whose rounding
+is far below their noise."""
 
 _TOGETHER = 1 << 19
-"""Frames of joints whose angles are read together: a row group has all joints, and is read as a whole."""
+"""Number of frames, times joints, that are read together: a row group has all joints and is read as a
+whole."""
 
 _FACING_FRAMES = 512
-"""Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
+"""Number of evenly spaced frames from which it is determined which way a thumb's receiver faces."""
 
 
 @dataclass(frozen=True)
 class AngleSeries:
-    """An angle of a joint over T frames, NaN in gaps; errors_deg : (T, E, 1) those in `ERRORS`, or None."""
+    """An angle of a joint over T frames, NaN in gaps.
+
+    errors_deg : (T, E, 1) in the order of `ERRORS`, or None. status, message : reliability of the angle.
+    """
 
     joint: str
     angle: str
@@ -46,10 +51,21 @@ class AngleSeries:
 
 @dataclass
 class FingertipPath:
-    """The end of a digit in the hand's frame, place_mm (T, 3, 1), and where its distal receiver points.
+    """Path of a digit's end in the frame of the digit's base.
 
-    sd_mm : (T, 1, 1) in 3-D, NaN where none is stated. skin : whether it is the skin's end. message : why it
-    is not believed, or empty.
+    Attributes
+    ----------
+    place_mm : array, shape (T, 3, 1)
+        Position of the end.
+    pointing : array, shape (T, 3, 1)
+        Unit vector of the distal receiver's distal axis.
+    sd_mm : array, shape (T, 1, 1)
+        Error in 3-D; NaN if none is stated.
+    skin : bool
+        Whether it is the end of the skin rather than of the bone.
+    message : str
+        Why it is not believed, or empty.
+
     """
 
     place_mm: Array
@@ -61,11 +77,23 @@ class FingertipPath:
 
 @dataclass
 class RecordedMovement:
-    """What one pass over a recording gives.
+    """Result of one pass over a recording.
 
-    frame, time_s : (T,). fingertips : by digit; pathless : digits without one, and why. left_out : joints
-    that the model cannot pose, and why. bases : (T, 7, 1) by segment, the poses, mm then quaternion, of what
-    fingertips are placed in.
+    Attributes
+    ----------
+    reader : RecordingReader
+        Reader of the recording.
+    frame, time_s : array, shape (T,)
+        Frame numbers and times.
+    fingertips : mapping of str to FingertipPath
+        Fingertips by digit.
+    left_out : mapping of str to str
+        Joints that the model cannot pose, and why.
+    bases : mapping of str to array, shape (T, 7, 1)
+        Poses (mm, then quaternion), by segment, of the bases in whose frames fingertips are expressed.
+    pathless : mapping of str to str
+        Digits without a fingertip, and why.
+
     """
 
     reader: RecordingReader
@@ -78,7 +106,7 @@ class RecordedMovement:
     pathless: Mapping[str, str] = field(default_factory=dict)
 
     def joints(self) -> Iterator[AngleSeries]:
-        """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
+        """Yield the angles of each joint, from the table of a fitted hand, otherwise from the bones."""
         digits = self.reader.layout.digits.values()
         pairs = [(digit, joint) for digit in digits for joint in digit.joints]
         at_once = max(1, _TOGETHER // max(1, len(self.frame)))
@@ -96,7 +124,7 @@ class RecordedMovement:
                 yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
 
     def _of_table(self, joints: Sequence[str]) -> dict[str, Array]:
-        """Return columns (T, 3 (1 + E), 1) of each of the joints that has any, angles with their errors."""
+        """Read columns (T, 3 (1 + E), 1), each angle with its errors, of the joints that are in the table."""
         names = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
         columns_of: dict[str, Array] = {}
         for start in range(0, len(self.frame), BLOCK_FRAMES):
@@ -110,31 +138,31 @@ class RecordedMovement:
 
 
 def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str, str]:
-    """Return the status of a joint's centre, and what that and the model mean for its angles."""
+    """Return the status of a joint's centre, and what the centre and the model imply for its angles."""
     if reason := reader.unmeasured(joint):
         return "failed", reason
     row = reader.skeleton.joints.get(joint)
     status = "failed" if row is None else row["status"]
     reasons = ["the joint was not solved" if row is None else row["message"]]
     if status == "weak":
-        reasons = ["its centre is not to be believed"]
+        reasons = ["its centre is not believed"]
     if moved := reader.unbelieved("joints", joint):
         status, reasons = "failed" if status == "failed" else "weak", [*reasons, moved]
     if not reader.is_fitted:
         reasons.append(
-            "the model states no error of its angles, and how receivers sit on their bones is in them"
+            "the model states no errors of its angles, which include how receivers sit on their bones"
         )
         still = reader.model.metacarpals.unmeasured in ("rest", "rigid")
         if still and not reader.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
             reasons.append(
-                "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP "
-                "joint's angles"
+                "the model keeps the metacarpal still in the hand, so the MCP joint's angles include the CMC "
+                "joint's motion"
             )
     return status, join_reasons(reasons)
 
 
 def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
-    """Return why each joint failed, where no joint of a digit was solved; else nothing."""
+    """Return why each joint failed if no joint of any digit was solved; otherwise return nothing."""
     in_digits = {joint for digit in reader.layout.digits.values() for joint in digit.joints}
     rows = {joint: row for joint, row in reader.skeleton.joints.items() if joint in in_digits}
     solved = any(row["status"] != "failed" for row in rows.values())
@@ -142,7 +170,7 @@ def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
 
 
 def read_movement(reader: RecordingReader) -> RecordedMovement:
-    """Pass over a recording. Raises InputError where a table cannot be read."""
+    """Read the movement of a recording in one pass; raise InputError if a table cannot be read."""
     layout, hand = reader.layout, reader.part.hand
     facing: dict[int, Array] | None = None
     count, start = reader.n_frames, 0
@@ -175,7 +203,7 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
                     series[name] = _columns(count, values.shape[-1])
                 series[name][rows] = values[..., None]
     paths = {}
-    for name, columns in tips.items():  # to the end of the skin where it is ever known, else of the bone
+    for name, columns in tips.items():  # the end of the skin if any frame has it, otherwise of the bone
         skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
         sd, first = (7, 8) if skin else (3, 4)
         place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
@@ -195,7 +223,7 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
 
 
 def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) -> dict[str, Array]:
-    """Return where receivers point, then sd_mm and place of each end in a block, (T, 7 or 11), by digit."""
+    """Return pointing direction, then sd_mm and position of each end in a block, (T, 7 or 11), by digit."""
     sd_mm: Mapping[str, Array] = {}
     if reader.is_fitted:
         sd_mm = reader.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
@@ -216,13 +244,13 @@ def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) ->
 
 
 def _columns(count: int, width: int) -> Array:
-    """Return columns (T, C, 1) of no number, each in one piece of memory."""
+    """Allocate columns (T, C, 1) of NaN, each contiguous in memory."""
     kind = np.float32 if count > LONG_FRAMES else np.float64
     return np.full((width, count), np.nan, kind).T[..., None]
 
 
 def _base(reader: RecordingReader, digit: Digit, poses: Poses, bones: PosedRecording) -> tuple[Array, Array]:
-    """Return the pose of a digit's base bone, (T, 3) and (T, 4): as fitted, else its receiver."""
+    """Return the pose, (T, 3) and (T, 4), of a digit's base bone if fitted, otherwise of its receiver."""
     if reader.is_fitted:
         index = next(i for i, joint in enumerate(bones.joints) if joint.segment == digit.base)
         return bones.position_mm[:, index], bones.quaternion[:, index]
@@ -235,17 +263,17 @@ def _turn(poses: Poses, segment: str) -> Array:
 
 
 def running_on(angle_deg: Array) -> Array:
-    """Cut angles in the widest arc between their values instead of at 180 deg.
+    """Wrap angles in the widest gap between their values instead of at 180 deg.
 
     Parameters
     ----------
     angle_deg : array, shape (T, K)
-        K angles in (-180, 180]; NaN stays.
+        K angles in (-180, 180]; NaN is kept.
 
     Returns
     -------
     array, shape (T, K)
-        The same angles, the fewer of them changed by 360 deg.
+        The same angles; those on the side of the gap with fewer values are changed by 360 deg.
 
     """
     out = angle_deg
@@ -257,7 +285,7 @@ def running_on(angle_deg: Array) -> Array:
         arcs = np.diff(ascending, append=ascending[0] + 360.0)
         widest = int(np.argmax(arcs))
         if widest + 1 < len(ascending):
-            below = 2 * (widest + 1) < len(ascending)  # turned are the fewer, so that the median stays
+            below = 2 * (widest + 1) < len(ascending)  # change the smaller part, to keep the median
             turned = angle_deg[:, column] <= ascending[widest]
             out = out.copy() if out is angle_deg else out
             out[turned if below else ~turned, column] += 360.0 if below else -360.0

@@ -1,7 +1,7 @@
-"""Rotations: unit quaternions (w, x, y, z) and 3 x 3 matrices, whole arrays at a time.
+"""Rotations as arrays of unit quaternions (w, x, y, z) and 3 x 3 matrices.
 
-A quaternion and its negative are the same rotation; every function here treats them so.
-Directions: `rotate(q, v)` and `matrix(q) @ v` take v from the receiver's frame to the transmitter's.
+A quaternion and its negative are the same rotation, and are treated as such by every function. Directions:
+`rotate(q, v)` and `matrix(q) @ v` convert v from the receiver's frame to the transmitter's.
 """
 
 from __future__ import annotations
@@ -129,12 +129,12 @@ def rotate(quaternion: Float[Array, "*#n 4"], vector: Float[Array, "*#n 3"]) -> 
     quaternion : array, shape (..., 4)
         Unit quaternions (w, x, y, z), frame of the vectors to the frame of the result.
     vector : array, shape (..., 3)
-        In any unit; the shapes broadcast.
+        Vectors in any unit; the shapes broadcast.
 
     Returns
     -------
     array, shape (..., 3)
-        In the same unit.
+        Rotated vectors in the same unit.
 
     """
     w, x, y, z = (quaternion[..., part] for part in range(4))
@@ -173,7 +173,7 @@ def about_axis(axis: Array, angle_rad: Array | float) -> Array:
     axis : array, shape (..., 3)
         Unit vectors.
     angle_rad : array, shape (...), or float
-        Right-handed about the axes.
+        Right-handed angles about the axes.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def nearest_rotation(m: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3 3"]:
     Parameters
     ----------
     m : array, shape (..., 3, 3)
-        Of rank two at least.
+        Matrices of rank two or three.
 
     Returns
     -------
@@ -229,12 +229,12 @@ def unit(vector: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
     Parameters
     ----------
     vector : array, shape (..., d)
-        In any unit.
+        Vectors in any unit.
 
     Returns
     -------
     array, shape (..., d)
-        Unit vectors; a zero vector stays zero.
+        Unit vectors; zero vectors are left as they are.
 
     """
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
@@ -242,17 +242,18 @@ def unit(vector: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
 
 
 def bone_frame(direction: Float[Array, "*#n 3"], dorsal: Float[Array, "*#n 3"]) -> Float[Array, "*n 3 3"]:
-    """Compute the frames of bones: x along the bone, z towards its back, y = z x x.
+    """Compute the frames of bones: x along the bone, z dorsal, y = z x x.
 
     Parameters
     ----------
     direction, dorsal : array, shape (..., 3)
-        Along the bone and roughly to its back, in one frame; neither zero nor parallel. The shapes broadcast.
+        Vectors along the bone and approximately dorsal, in a common frame; neither zero nor parallel. The
+        shapes broadcast.
 
     Returns
     -------
     array, shape (..., 3, 3)
-        Rotation matrices, bone to the frame of the two.
+        Rotation matrices, from the bone's frame to that of the vectors.
 
     """
     x = unit(direction)
@@ -261,10 +262,10 @@ def bone_frame(direction: Float[Array, "*#n 3"], dorsal: Float[Array, "*#n 3"]) 
 
 
 def mean_rotation(quaternion: Float[Array, "n 4"]) -> Float[Array, " 4"]:
-    """Compute the rotation that is nearest to all of a set, signs of the quaternions aside.
+    """Compute the mean of rotations, which does not depend on the signs of the quaternions.
 
-    The eigenvector of the largest eigenvalue of their sum of products: Markley et al. 2007, J Guid Control
-    Dyn 30:1193.
+    It is the eigenvector of the largest eigenvalue of the sum of their outer products (Markley et al. 2007, J
+    Guid Control Dyn 30:1193).
 
     Parameters
     ----------
@@ -274,7 +275,7 @@ def mean_rotation(quaternion: Float[Array, "n 4"]) -> Float[Array, " 4"]:
     Returns
     -------
     array, shape (4,)
-        Unit quaternion, w >= 0; the identity of an empty set.
+        Unit quaternion, w >= 0; the identity if N is 0.
 
     """
     if not len(quaternion):
@@ -346,7 +347,7 @@ def exp_rotation(vector: Float[Array, "*n 3"]) -> Float[Array, "*n 3 3"]:
 
 
 def turn_angles(relative: Float[Array, "T 4"], axes: Float[Array, "3 3"]) -> Float[Array, "T 3"]:
-    """Compute angles of rotations about three axes at right angles, carried one by the other.
+    """Compute the angles of intrinsic rotations about three axes at right angles.
 
     R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3). Angles are continuous over the frames, so that they may
     leave (-pi, pi]; q2 of the first frame is within [-pi / 2, pi / 2].
@@ -371,9 +372,10 @@ def turn_angles(relative: Float[Array, "T 4"], axes: Float[Array, "3 3"]) -> Flo
 
 
 def body_fixed_rad(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
-    """Compute angles about x, y, z of rotations, R = Rx Ry Rz, as OpenSim turns frames.
+    """Compute the angles about x, y and z of rotations, R = Rx Ry Rz, as defined in OpenSim.
 
-    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
+    The last angle follows from the rotation that remains after the first two, so that R is reproduced even at
+    90 deg about y.
 
     Parameters
     ----------
@@ -397,13 +399,13 @@ def body_fixed_rad(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
 def continuous_angles(angles_rad: Float[Array, "T *n 3"]) -> Float[Array, "T *n 3"]:
     """Make angles of rotations about three axes at right angles continuous over time.
 
-    Of the two triples of every rotation, (a, b, c) and (a + 180, 180 - b, c + 180 deg), the one that is
-    nearer to the frame before is taken, then unwrapped. The first frame stays as it is.
+    Every rotation has two triples of angles, (a, b, c) and (a + 180, 180 - b, c + 180 deg). The one nearer to
+    the previous frame is chosen, then unwrapped. The first frame is kept.
 
     Parameters
     ----------
     angles_rad : array, shape (T, ..., 3)
-        Angles of each frame by itself, rad.
+        Angles computed for each frame separately, rad.
 
     Returns
     -------
@@ -413,12 +415,12 @@ def continuous_angles(angles_rad: Float[Array, "T *n 3"]) -> Float[Array, "T *n 
     """
     other = angles_rad * np.array([1.0, -1.0, 1.0]) + np.pi
     swapped = _distance(other[1:], angles_rad[:-1]) < _distance(angles_rad[1:], angles_rad[:-1])
-    # second to second is as far as first to first
+    # the second triples of two frames are as far from each other as the first ones
     swapped = np.concatenate([np.zeros((1, *swapped.shape[1:]), bool), swapped])
     second = np.logical_xor.accumulate(swapped, axis=0)
     return np.asarray(np.unwrap(np.where(second[..., None], other, angles_rad), axis=0))
 
 
 def _distance(first: Array, second: Array) -> Array:
-    """Sum of three angles' distances (...) in rad, whole turns aside."""
+    """Return the sum of the distances (...) of three angles, rad, modulo full turns."""
     return np.asarray(np.abs(np.mod(first - second + np.pi, 2 * np.pi) - np.pi).sum(-1))

@@ -1,4 +1,4 @@
-"""A recording as the checks see it: some frames of it, receivers' axes along the bones, as a right hand."""
+"""Sample of a recording for the checks: some frames, with receiver axes along the bones, as a right hand."""
 
 from __future__ import annotations
 
@@ -11,39 +11,42 @@ from shukotsu.hand.rotations import Array, matrix
 from shukotsu.study.layout import Layout
 
 FRAMES = 60
-"""Frames that hypotheses are compared on, spread over the recording."""
+"""Number of frames, spread over the recording, on which hypotheses are compared."""
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """Poses (K, S, 3), (K, S, 3, 3) in K frames, columns distal, lateral, dorsal; valid (K, S)."""
+    """Poses of S receivers in K frames: position_mm (K, S, 3), rotation (K, S, 3, 3), valid (K, S).
+
+    Columns of rotations are the distal, lateral and dorsal axes.
+    """
 
     position_mm: Array
     rotation: Array
     valid: npt.NDArray[np.bool_]
 
     def mirrored(self) -> SampledMotion:
-        """The motion of the other hand: the world and the bones' lateral axes mirrored."""
+        """Return the motion of the other hand: mirror the world and the bones' lateral axes."""
         rotation = self.rotation * MIRROR[:, None] * MIRROR
         return replace(self, position_mm=self.position_mm * MIRROR, rotation=rotation)
 
 
 def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
-    """Rotations from the distal, lateral and dorsal axes of segments to the axes of their receivers.
+    """Return rotations from the distal, lateral and dorsal axes of segments to the axes of their receivers.
 
     Parameters
     ----------
     layout : Layout
-        Layout of the hand, which says how each receiver sits on its bone.
+        Layout of the hand, which states how each receiver is oriented on its bone.
     segments : tuple of str, length S
         Segments that carry receivers.
 
     Returns
     -------
     array, shape (S, 3, 3)
-        Columns distal, lateral (dorsal x distal) and dorsal in the receiver's frame.
+        Columns are the distal, lateral (dorsal x distal) and dorsal axis in the receiver's frame.
 
     """
     distal = np.array([layout.segments[name].distal for name in segments])
@@ -54,7 +57,7 @@ def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
 def motion_of(
     position_mm: Array, quaternion: Array, valid: npt.NDArray[np.bool_], axes: Array, hand: str
 ) -> SampledMotion:
-    """Sample frames in which most receivers are seen, spread over a recording, as a right hand.
+    """Sample frames in which most receivers are valid, spread over a recording, as a right hand.
 
     Parameters
     ----------
@@ -63,14 +66,14 @@ def motion_of(
     valid : array of bool, shape (T, S)
         Whether there is a pose.
     axes : array, shape (S, 3, 3)
-        As `receiver_axes` returns them.
+        Axes as returned by `receiver_axes`.
     hand : str
         right or left; a left hand is mirrored.
 
     Returns
     -------
     SampledMotion
-        At most FRAMES frames.
+        Motion in at most FRAMES frames.
 
     """
     seen = valid.sum(1)

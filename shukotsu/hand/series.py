@@ -1,8 +1,8 @@
-"""How far an angle goes, on every page and in every table, and how many samples a series is worth.
+"""Range of an angle, as used in all pages and tables, and number of independent samples of a series.
 
-An angle goes from its 2.5th to its 97.5th percentile: one bad frame does not change it. In a recording every
-frame counts alike; of what a joint is solved from every posture does, as joints are calibrated in turn and
-stay at rest most of the time.
+The range of an angle is from its 2.5th to its 97.5th percentile, so that single bad frames do not change it.
+For a recording all frames have the same weight. For the data from which a joint is solved, all angles have
+the same weight, as joints are calibrated in turn and are at rest most of the time.
 """
 
 from __future__ import annotations
@@ -15,23 +15,24 @@ LOW_PERCENT, HIGH_PERCENT = 2.5, 97.5
 
 _BINS = 12
 _FEWEST = 0.25
-"""Share of the mean occupancy below which a bin is not raised further: single frames must not rule."""
+"""Least occupancy of a bin that its weights assume, as a share of the mean: single frames must not
+dominate."""
 
 
 def angle_range(angle: Float[Array, " T"], weights: Float[Array, " T"] | None = None) -> float:
-    """Range of an angle, from its 2.5th to its 97.5th percentile, in its own unit.
+    """Compute the range of an angle, from its 2.5th to its 97.5th percentile.
 
     Parameters
     ----------
     angle : array, shape (T,)
-        Without gaps, of one frame at least.
+        Angles in any unit, without gaps; at least one frame.
     weights : array, shape (T,), optional
-        Positive weights of the frames; all alike if omitted.
+        Positive weights of the frames; equal if omitted.
 
     Returns
     -------
     float
-        The range.
+        Range in the unit of the angle.
 
     """
     if weights is None:
@@ -44,9 +45,9 @@ def angle_range(angle: Float[Array, " T"], weights: Float[Array, " T"] | None = 
 
 
 def flattening(angle_rad: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Weights of mean 1 that make the histogram of angles flat between its outermost 1 %.
+    """Compute weights of mean 1 that flatten the histogram of angles between its 1st and 99th percentile.
 
-    Frames beyond belong to the outermost bins and are kept: the extremes say most about the centre.
+    Frames beyond belong to the outermost bins and are kept, as extreme angles contribute most to the centre.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def flattening(angle_rad: Float[Array, " n"]) -> Float[Array, " n"]:
     Returns
     -------
     array, shape (N,)
-        A weight for each frame.
+        Weight of each frame.
 
     """
     low, high = np.percentile(angle_rad, [1, 99])
@@ -71,16 +72,16 @@ _ODD_FACTORS = (1, 3, 5, 9, 15, 25, 45, 75, 225)
 
 
 def effective_samples(series: Float[Array, "B C"], variance: float, n_frames: int) -> float:
-    """Number of independent samples among n_frames, from the autocorrelation of a series.
+    """Estimate the number of independent samples among n_frames from the autocorrelation of a series.
 
-    The variance of the mean is the sum of the autocovariances over B. The sum stops where they first cross
-    zero: what follows is noise or, in a repeated task, the same error with the other sign, which would count
-    one sample several times.
+    The variance of the mean is the sum of the autocovariances divided by B. The sum ends at their first zero
+    crossing: what follows is noise or, in a repeated task, the same error with the opposite sign, because of
+    which one sample would be counted several times.
 
     Parameters
     ----------
     series : array, shape (B, C)
-        Means over short batches, in the order of time.
+        Means over short batches, in order of time.
     variance : float
         Variance of single frames, summed over the C components.
     n_frames : int
@@ -89,15 +90,15 @@ def effective_samples(series: Float[Array, "B C"], variance: float, n_frames: in
     Returns
     -------
     float
-        Between 1 and n_frames.
+        Number of independent samples, between 1 and n_frames.
 
     """
     blocks = len(series)
     if blocks < 4 or variance <= 0.0:
         return float(max(blocks, 1))
     centred = (series - series.mean(0)).T
-    for reach in (blocks // 8, blocks - 1):  # lags that do not wrap around; the crossing is mostly early
-        least = blocks + reach  # up to an even length 2^a 3^b 5^c, of which a Fourier transform is fast
+    for reach in (blocks // 8, blocks - 1):  # all lags only if the crossing is not among the first ones
+        least = blocks + reach  # no lag wraps around; rounded up to 2^a 3^b 5^c, for a fast transform
         length = min(odd << max(1, int(-(-least // odd) - 1).bit_length()) for odd in _ODD_FACTORS)
         spectrum = np.fft.rfft(centred, length)
         power = np.sum(spectrum.real**2 + spectrum.imag**2, 0)

@@ -1,4 +1,4 @@
-"""All tables of a study as notebooks want them: by name, over all subjects, with what people group by."""
+"""All tables of a study for notebooks: by name, over all subjects, with the study's factors as columns."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ WHICH = [*WHOSE, "hand", "task", "trial"]
 
 
 class StudyTables(Mapping[str, "pd.DataFrame"]):
-    """A study's tables by name, each read when it is asked for.
+    """A study's tables by name, each read on access.
 
-    A table holds the rows of all subjects, of whole skeletons alone where it also has some that were made
-    without a task, and a column for each of the study's factors. What could not be read because its making
-    failed is in `attrs["left_out"]`, by file.
+    A table has the rows of all subjects and a column for each of the study's factors. Rows of skeletons that
+    were made without a task are left out. Files that could not be made are in `attrs["left_out"]`, with the
+    reason.
     """
 
     def __init__(self, folder: Path) -> None:
         plans = [read_plan(path) for path in sorted(folder.glob("sub-*/plan.json"))]
         if not plans:
-            raise InputError(f"{folder}: holds no results of a study; expected a folder such as results/demo")
+            raise InputError(f"{folder}: has no results of a study; expected a folder such as results/demo")
         self.folder = folder
         self._people = [plan.who._asdict() | dict(plan.factors) for plan in plans]
         self._recordings = [
@@ -77,7 +77,7 @@ class StudyTables(Mapping[str, "pd.DataFrame"]):
         return frame
 
     def _files(self, name: str) -> list[Path]:
-        """Return the files of a table: one over the study where there is one, else those of all subjects."""
+        """Return the files of a table: the study-wide one if it exists, otherwise those of all subjects."""
         if (whole := self.folder / f"{name}.parquet").is_file():
             return [whole]
         if name in FIT_TABLES:
@@ -86,7 +86,7 @@ class StudyTables(Mapping[str, "pd.DataFrame"]):
 
 
 def read(path: str | Path) -> Any:
-    """Read a study's results: one table, or all of a study by name.
+    """Read a study's results: one table, or all tables of a study by name.
 
     Parameters
     ----------
@@ -96,13 +96,13 @@ def read(path: str | Path) -> Any:
     Returns
     -------
     pandas.DataFrame or StudyTables
-        Of a file: the table, a gap as pandas' missing value; `attrs` holds `table` (its name), `key` (the
-        columns that tell rows apart), `units` and `descriptions` by column. Of a folder: such tables by name.
+        For a file, the table, with gaps as pandas' missing values; `attrs` has `table` (its name), `key` (the
+        columns that identify a row), `units` and `descriptions` by column. For a folder, such tables by name.
 
     Raises
     ------
     InputError
-        Where there is no such file or study, or the file is no table of this program.
+        If the file or study does not exist, or the file is not a table of this program.
 
     """
     return StudyTables(Path(path)) if Path(path).is_dir() else read_file(Path(path))

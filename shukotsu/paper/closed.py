@@ -39,7 +39,7 @@ class JointSolution:
     singular_values : array, shape (6,)
         Singular values of the stack (Eq. 4) over the root of the number of frames, descending.
     covariance_mm2 : array, shape (6, 6)
-        Covariance of (p, q), mm^2, without the null direction where five singular values are inverted.
+        Covariance of (p, q), mm^2; without the null direction if only five singular values are inverted.
     gap_rms_mm, gap_rms_free_mm : float
         Root mean square gap of this centre, and of the centre with all six singular values inverted.
     slide_to_free_mm : float
@@ -104,7 +104,7 @@ class NormalEquations:
     C_dd: float
 
     def gap_rms_mm(self, p: Array, q: Array) -> float:
-        """Root mean square gap of a centre over frames (Eq. 3).
+        """Compute the root mean square gap of a centre over frames (Eq. 3).
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class NormalEquations:
         return float(np.sqrt(max(float(offset @ offset) + self.gap_variance(q), 0.0)))
 
     def gap_variance(self, q: Array) -> float:
-        """Variance of the gap over frames, summed over its components; it depends on q alone.
+        """Compute the variance of the gap over frames, summed over its components; it depends on q alone.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class NormalEquations:
 
 
 def is_solvable(moments: JointMoments, joint: int) -> bool:
-    """Whether the joint moved enough for five of its six unknowns to be determined.
+    """Return whether the joint moved enough to determine at least five of its six unknowns.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def is_solvable(moments: JointMoments, joint: int) -> bool:
     Returns
     -------
     bool
-        False where fewer than two frames are valid or the joint did not move.
+        False if fewer than two frames are valid or the joint did not move.
 
     """
     if moments.count[joint] < 2:
@@ -199,7 +199,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
     apart, together = np.concatenate([U, -V]), np.concatenate([U, V])
     weights = np.where(np.arange(3) >= 6 - n_singular_values, 1.0 / np.maximum(small, _SINGULAR), 0.0)
-    # inverse of [[I, -M], [-M^T, I]] by its eigenvectors (docs/method.md), zero in directions left out
+    # inverse of [[I, -M], [-M^T, I]] by its eigenvectors (docs/method.md), without the directions left out
     inverse = np.asarray((apart / (1.0 + s)) @ apart.T + (together * weights) @ together.T) / 2
     covariance = gap**2 / 3 / n_effective * inverse
     turn = np.eye(6)
@@ -224,7 +224,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
 
 
 def normal_equations(moments: JointMoments, joint: int) -> NormalEquations:
-    """Normal equations of one joint from its moments (docs/method.md, "The closed form").
+    """Build the normal equations of one joint from its moments (docs/method.md, "The closed form").
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def normal_equations(moments: JointMoments, joint: int) -> NormalEquations:
     Returns
     -------
     NormalEquations
-        In the frame of the joint's first pose.
+        Normal equations in the frame of the joint's first pose.
 
     """
     mean = moments.mean(joint)
@@ -247,7 +247,7 @@ def normal_equations(moments: JointMoments, joint: int) -> NormalEquations:
 
 
 def _left_vectors(M: Array, V: Array) -> Array:
-    """Left singular vectors of M (3, 3) for its right ones V; orthonormal also where M is singular."""
+    """Return left singular vectors of M (3, 3) for its right ones V, orthonormal even if M is singular."""
     U = np.empty((3, 3))
     for i in range(3):
         column = M @ V[:, i]
@@ -263,7 +263,9 @@ def _left_vectors(M: Array, V: Array) -> Array:
 def _centre(
     normal: NormalEquations, one_minus_s2: Array, s: Array, U: Array, V: Array, n_singular_values: int
 ) -> tuple[Array, Array]:
-    """Least-squares p and q, (3,) mm; with five values pair 0, the axis, is solved for its 1 + s part alone
+    """Compute the least-squares p and q, (3,) mm.
+
+    With five singular values, the components on the axis (pair 0) follow from the singular value 1 + s alone
     (Eq. 7).
     """
     right = -(V.T @ normal.C_Dd)
@@ -279,11 +281,11 @@ def _centre(
 
 
 def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
-    """Standard deviation of the axis direction, at most 90 deg.
+    """Compute the standard deviation of the axis direction, at most 90 deg.
 
     To first order an eigenvector turns by the covariance over the difference of the variances; 1 - s_i^2 is
-    the sum of the variances about the two other axes. n_effective counts independent samples of the rotation
-    off the axis: it drifts with the skin even where the gap is white noise.
+    the sum of the variances about the two other axes. n_effective is the number of independent samples of the
+    rotation off the axis, which drifts with the skin even if the gap is white noise.
     """
     variance = one_minus_s2.sum() / 2 - one_minus_s2
     spread = np.maximum(variance[0] - variance[1:], 1e-30)
@@ -292,7 +294,7 @@ def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
 
 
 def _angles_deg(turns: Array, axis: Array) -> Array:
-    """Angles (B,) about the axis of the unit quaternions (4, B), relative to their circular mean, deg."""
+    """Return angles (B,), deg, of unit quaternions (4, B) about the axis, relative to their circular mean."""
     half = turns[0] + 1j * (axis @ turns[1:])
     whole = half * half
     whole /= np.abs(whole)

@@ -1,7 +1,7 @@
 """Assembly of one hand: joints solved and fitted, wrist point, bones, and metacarpals over time.
 
 Bones use the least-squares binding: a bone is a constant vector in its receiver's frame. A bone runs from its
-joint's centre to the next; the last bone of a digit ends at the bone tip where a whole-hand fit locates it,
+joint's centre to the next. The last bone of a digit ends at the bone tip if a whole-hand fit locates it,
 otherwise at the distal receiver.
 """
 
@@ -40,16 +40,16 @@ class Bone:
     segment : str
         Name of the bone.
     starts_at, ends_at : str
-        Joint at either end, or `DISTAL_RECEIVER`.
+        Joint at which it starts; joint at which it ends, or `DISTAL_RECEIVER`.
     length_mm, sd_mm : float
         Length and its standard deviation.
     sd_over_frames_mm : float or None
         Standard deviation over frames of the length of a metacarpal, |v(k)|; None for other bones.
     vector_mm : array, shape (3,), or None
-        Bone vector in the receiver frame of driven_by, as the replay uses it; None where the posture is
+        Bone vector in the receiver frame of driven_by, as the replay uses it; None if the posture is
         estimated frame by frame.
     driven_by : str
-        Segment whose receiver rotates the bone; empty where the posture is estimated.
+        Segment whose receiver rotates the bone; empty if the posture is estimated.
 
     """
 
@@ -63,7 +63,7 @@ class Bone:
     driven_by: str
 
     def row(self) -> BoneLengthsRow:
-        """Row of the bone_lengths table, without subject, hand, model and digit."""
+        """Build the row of the bone_lengths table, without subject, hand, model and digit."""
         x_mm, y_mm, z_mm = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
         row: BoneLengthsRow = {"bone": self.segment, "x_mm": x_mm, "y_mm": y_mm, "z_mm": z_mm, "message": ""}
         numbers: Any = {name: getattr(self, name) for name in (*LENGTHS, "sd_over_frames_mm", "driven_by")}
@@ -73,7 +73,7 @@ class Bone:
 
 @dataclass(frozen=True)
 class MetacarpalBone:
-    """Digit whose metacarpal is posed; mode as `metacarpal_mode` returns it."""
+    """Metacarpal of a digit, with the mode by which it is posed (`metacarpal_mode`)."""
 
     chain: DigitChain
     mode: str
@@ -81,7 +81,7 @@ class MetacarpalBone:
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
-    """Mode by which a digit's metacarpal is posed: rest, rigid, estimated, receiver, fitted, or none."""
+    """Return how a digit's metacarpal is posed: rest, rigid, estimated, receiver, fitted, or none."""
     if not chain.digit.metacarpal:
         return "none"
     measured = layout.segments[chain.digit.segments[0]].measured
@@ -89,7 +89,7 @@ def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> 
 
 
 def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
-    """v(k) of section 5: from the metacarpal's base to the MCP joint, seen from the base receiver.
+    """Compute v(k) of section 5: from the metacarpal's base to the MCP joint, in the base receiver's frame.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
     Returns
     -------
     array, shape (T, 3)
-        In the base receiver's frame, mm; the MCP centre is the child half, carried by the proximal phalanx.
+        Vectors, mm; the MCP centre is the child half, carried by the proximal phalanx.
 
     """
     mcp_mm = chain.child_mm[1]
@@ -112,7 +112,7 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
 def digit_bones(
     chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader
 ) -> list[Bone]:
-    """Bones of a digit from the base outward, with lengths from the calibration recordings.
+    """Measure the bones of a digit from the base outward, with lengths from the calibration recordings.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def digit_bones(
     Returns
     -------
     list of Bone
-        One for each segment.
+        One bone for each segment.
 
     """
     bones = []
@@ -154,7 +154,7 @@ def digit_bones(
 
 
 def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader) -> Bone:
-    """The digit's metacarpal: length from v(k) over the calibration, or from its constant vector."""
+    """Measure the digit's metacarpal: length from v(k) over the calibration, or from its constant vector."""
     segment, mcp = chain.digit.segments[0], chain.digit.joints[1]
     receivers = (chain.digit.base, chain.digit.segments[1])
     blocks_mm = [np.empty(0)]
@@ -173,7 +173,7 @@ def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibr
         vector, driver = chain.parent_mm[0] - chain.base_point_mm, chain.digit.base
     elif mode == "receiver":
         start_mm, driver = chain.child_mm[0], segment
-        if start_mm is None:  # then the mean position of the digit's base in this receiver's frame
+        if start_mm is None:  # use the mean position of the digit's base in this receiver's frame
             seen_mm = []
             for poses in calibration(chain.digit.base, segment):
                 base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
@@ -186,7 +186,7 @@ def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibr
 
 
 def _half(rows: Rows, joint: str, side: str) -> Array:
-    """Covariance (3, 3), mm^2, of the parent or child half of a centre; zero for a configured point."""
+    """Return the covariance (3, 3), mm^2, of the parent or child half of a centre; zero if configured."""
     covariance = rows[joint]["covariance_mm2"]
     if covariance is None:
         return np.zeros((3, 3))
@@ -202,14 +202,14 @@ def metacarpal_columns(
     neutral: tuple[Reference, Array] | None,
     fitted: Array | None,
 ) -> dict[str, Any]:
-    """Posture of one metacarpal over some frames: columns of the table metacarpals.
+    """Compute the posture of one metacarpal in some frames, as columns of the table metacarpals.
 
     Parameters
     ----------
     metacarpal : MetacarpalBone
         The metacarpal and its mode.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     poses : Poses
         T frames.
     neutral : tuple or None
@@ -249,7 +249,7 @@ def metacarpal_columns(
 
 
 def _posture_segments(chain: DigitChain, mode: str) -> tuple[str, ...]:
-    """Segments whose receivers must be valid for the metacarpal's posture."""
+    """List the segments whose receivers must be valid for the metacarpal's posture."""
     first, proximal = chain.digit.segments[:2]
     return {
         "rest": (),
@@ -263,7 +263,7 @@ def _posture_segments(chain: DigitChain, mode: str) -> tuple[str, ...]:
 def _carried_postures(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses
 ) -> Array:
-    """Quaternions (T, 4) of a metacarpal that is carried by a receiver or the hand, or stays at rest."""
+    """Return quaternions (T, 4) of a metacarpal that a receiver or the hand carries, or that is at rest."""
     if metacarpal.mode == "rest":
         direction = np.array(model.metacarpals.rest_direction, float)
         upright = np.eye(3)[2] if np.abs(direction[:2]).any() else np.eye(3)[1]
@@ -277,16 +277,17 @@ def _carried_postures(
 def neutral_posture(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
 ) -> tuple[Reference, Array] | None:
-    """Reference frame of an estimated metacarpal, and its neutral orientation.
+    """Find the reference frame of an estimated metacarpal, and its neutral orientation.
 
-    The neutral twist is the circular mean over the recording, so no frame is special (docs/method.md).
+    The neutral twist is the circular mean over the recording, so that it does not depend on a single frame
+    (docs/method.md).
 
     Parameters
     ----------
     metacarpal : MetacarpalBone
         The metacarpal and its mode.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording to pose.
 
@@ -328,7 +329,7 @@ def neutral_posture(
 def _posture(
     chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
 ) -> Posture:
-    """Change of the metacarpal's posture since the reference frame, in some frames."""
+    """Compute the change of the metacarpal's posture since the reference frame, in some frames."""
     normal = _dorsal_seen_from(
         segment_quaternions(poses, chain.digit.base), chain.digit.segments[1], layout, poses
     )
@@ -337,13 +338,13 @@ def _posture(
 
 
 def _dorsal_seen_from(hand: Array, segment: str, layout: Layout, poses: Poses) -> Array:
-    """Dorsal directions (T, 3) of a segment in the hand receiver's frame; hand : its quaternions (T, 4)."""
+    """Return a segment's dorsal directions (T, 3) in the hand receiver's frame; hand : (T, 4) quaternions."""
     turn = multiply(conjugate(hand), segment_quaternions(poses, segment))
     return rotate(turn, np.array(layout.segments[segment].dorsal))
 
 
 def _angles(usable: Bools, posture: Posture | None) -> dict[str, Any]:
-    """Columns of swing, twist and flags; the angles are null where no posture was estimated."""
+    """Build the columns of swing, twist and flags; angles are null in frames without an estimated posture."""
     if posture is None:
         unknown = np.full(len(usable), np.nan)
         none = np.zeros(len(usable), bool)
@@ -363,7 +364,7 @@ _FLAG_TEXTS = pa.array(
 
 
 def _flags(gap: Bools, twist_singular: Bools, swing_singular: Bools) -> pa.Array:
-    """Flags of every frame, joined by ';', looked up by their bit code."""
+    """Return the flags of every frame, joined by ';', looked up by their bit code."""
     code = gap.astype(np.int8) | twist_singular.astype(np.int8) << 1 | swing_singular.astype(np.int8) << 2
     return _FLAG_TEXTS.take(pa.array(code))
 
@@ -391,7 +392,7 @@ def build_hand(
     rows : mapping
         Rows of joint_centres by joint.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     calibration : PosesReader
         Calibration recordings.
     fitted_bones : mapping, optional
@@ -400,7 +401,8 @@ def build_hand(
     Returns
     -------
     BuiltHand
-        A digit with a failed joint has bones without lengths and with the reason, except those of the fit.
+        The hand. If a joint of a digit failed, its bones have the reason instead of a length, unless the fit
+        provides the length.
 
     """
     joints = dict(rows)
@@ -428,7 +430,7 @@ def build_hand(
             of_fit: dict[str, Any] = {
                 segment: {name: value for name, value in row.items() if name in LENGTHS}
                 for segment, row in fitted_bones.items()
-            }  # vectors stay those of the replay
+            }  # vectors remain those of the replay
             measured = [replace(bone, **of_fit.get(bone.segment, {})) for bone in measured]
         bones += [{"digit": digit.name, **bone.row()} for bone in measured]
     return BuiltHand(list(joints.values()), bones, metacarpals)
@@ -448,7 +450,7 @@ def pose_metacarpals(
     hand : BuiltHand
         The assembled hand.
     layout, model : Layout, SkeletonModel
-        Of the hand.
+        Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording.
     fitted : callable, optional

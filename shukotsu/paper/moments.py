@@ -1,4 +1,4 @@
-"""Moments of the relative poses of joints: one pass over the data replaces the stack of Eq. 4-7.
+"""Moments of the relative poses of joints, by which one pass over the data replaces the stack of Eq. 4-7.
 
 With R = R_a^T R_b and d = R_a^T (t_b - t_a), the gap of a joint seen from the parent a is p - R q - d (Eq.
 3). Its normal equations need only the means of R and d and their second moments, so frames are added as they
@@ -6,8 +6,8 @@ arrive and not stored. All moments are relative to the joint's first pose (R = R
 hardly moves, I - M M^T suffers cancellation when computed as written, whereas the covariance of D, which is
 the same matrix, does not.
 
-Summed for each frame are nine products of quaternion components, of which D is a linear function
-(`_D_OF_PRODUCTS`). D^T D = -(D + D^T), since I + D is a rotation, so the only second moments to accumulate
+Nine products of quaternion components are summed over frames; D is a linear function of them
+(`_D_OF_PRODUCTS`). As I + D is a rotation, D^T D = -(D + D^T), so that the only second moments to accumulate
 are those with d. docs/method.md, "The closed form", has the derivation.
 """
 
@@ -22,15 +22,15 @@ from shukotsu.arrays import Bool, Bools, Float, Int, Integers
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
-"""Frames averaged into one batch mean: short compared with any hand motion, at 240 Hz and at 60 Hz."""
+"""Number of frames averaged into a batch mean: short compared with any hand motion at 60 and 240 Hz."""
 
 MAX_BATCHES = 1 << 16
-"""Most batches of a joint: nine minutes at 240 Hz. Longer recordings get longer batches, so memory is
-bounded.
+"""Largest number of batches of a joint, nine minutes at 240 Hz. Longer recordings have longer batches, so
+that memory is bounded.
 """
 
 BLOCK_FRAMES = 8192
-"""Frames processed at once; they fit into the processor's cache."""
+"""Number of frames that are processed at once; they fit into the processor's cache."""
 
 _PRODUCTS, _FEATURES = 9, 12  # xx yy zz wx wy wz xy xz yz of the quaternion, then d (3,)
 
@@ -74,7 +74,7 @@ class RelativePoses:
     valid: npt.NDArray[np.bool_]
 
     def take(self, rows: slice) -> RelativePoses:
-        """Poses of the selected frames."""
+        """Select some of the frames."""
         return RelativePoses(self.quaternion[rows], self.position_mm[rows], self.valid[rows])
 
 
@@ -85,7 +85,7 @@ def relative_poses(
     parents: Int[Integers, " J"],
     children: Int[Integers, " J"],
 ) -> RelativePoses:
-    """Poses of child receivers relative to their parents, R = R_a^T R_b and d = R_a^T (t_b - t_a) of Eq. 3.
+    """Compute poses of children relative to their parents, R = R_a^T R_b and d = R_a^T (t_b - t_a) of Eq. 3.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ def relative_poses(
     Returns
     -------
     RelativePoses
-        Of J joints.
+        Relative poses of J joints.
 
     """
     shape = len(valid), len(parents)
     turn, place_mm = np.empty((*shape, 4), order="F"), np.empty((*shape, 3), order="F")
-    for joint, (parent, child) in enumerate(zip(parents, children, strict=True)):  # one fits the cache
+    for joint, (parent, child) in enumerate(zip(parents, children, strict=True)):  # one joint fits the cache
         back = conjugate(quaternion[:, parent])
         turn[:, joint] = multiply(back, quaternion[:, child])
         place_mm[:, joint] = rotate(back, position_mm[:, child] - position_mm[:, parent])
@@ -116,7 +116,7 @@ def relative_poses(
 class JointMoments:
     """First and second moments of the relative poses of J joints, and their means over short batches.
 
-    Blocks are added in the order of time; the results may be read after the last one.
+    Blocks are added in order of time; results may be read after the last one.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ class JointMoments:
                 self._add_joint(joint, block)
 
     def mean(self, joint: int) -> Array:
-        """Mean of D and d of a joint (docs/method.md, "The closed form").
+        """Compute the mean of D and d of a joint (docs/method.md, "The closed form").
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class JointMoments:
         return np.asarray(self._in_first_pose(joint) @ sums / max(self.count[joint], 1))
 
     def spread(self, joint: int) -> tuple[Array, Array, float]:
-        """Covariances of D and d of a joint over frames (docs/method.md, "The closed form").
+        """Compute the covariances of D and d of a joint over frames (docs/method.md, "The closed form").
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class JointMoments:
         )
 
     def batch_turns(self, joint: int) -> Array:
-        """Mean rotations of the batches relative to the first pose, in the order of time.
+        """Compute the mean rotations of the batches relative to the first pose, in order of time.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class JointMoments:
         return turns
 
     def batch_gaps_mm(self, joint: int, p_mm: Array, q_mm: Array) -> Array:
-        """Mean gaps of the batches for a centre, in the order of time.
+        """Compute the mean gaps of the batches for a centre, in order of time.
 
         Parameters
         ----------
@@ -250,14 +250,14 @@ class JointMoments:
         return np.asarray((p_mm - q_mm - self.reference_mm[joint])[:, None] - gaps / counts)
 
     def _in_first_pose(self, joint: int) -> Array:
-        """Matrix (12, 12) from the accumulated features to (D, d), with d in the frame of the first pose."""
+        """Return the matrix (12, 12) from accumulated features to (D, d), d in the first pose's frame."""
         combined = np.zeros((_FEATURES, _FEATURES))
         combined[:9, :9] = _D_OF_PRODUCTS
         combined[9:, 9:] = self.first_turn[joint].T
         return combined
 
     def _batches_of(self, joint: int) -> tuple[Array, Array]:
-        """Sums (12, B) of the batches that have a valid frame, and their numbers of frames (B,)."""
+        """Return sums (12, B) of the batches that have a valid frame, and their numbers of frames (B,)."""
         sums = np.concatenate([np.zeros((_FEATURES + 1, 0)), *self._batches[joint]], 1)
         self._batches[joint] = [sums]
         if not sums[_FEATURES].all():
@@ -265,7 +265,7 @@ class JointMoments:
         return sums[:_FEATURES], sums[_FEATURES]
 
     def _add_joint(self, joint: int, poses: RelativePoses) -> None:
-        """Add one joint's frames to its moments and batches; frames that are not valid count as zero."""
+        """Add one joint's frames to its moments and batches; frames that are not valid add nothing."""
         valid = poses.valid[:, joint]
         n_valid = int(np.count_nonzero(valid))
         if not n_valid:
@@ -288,9 +288,7 @@ class JointMoments:
         self.reference_mm[joint] = rotate(conjugate(quaternion), position_mm)
 
     def _features(self, joint: int, quaternion: Array, position_mm: Array) -> Array:
-        """Products of the quaternion components (T, 4) relative to the first pose, d relative to it, and 1:
-        (13, T).
-        """
+        """Return features (13, T): quaternion products and d, relative to the first pose, and 1."""
         turn = left_matrix(conjugate(self._first[joint, :4])) @ quaternion.T
         features = np.empty((_FEATURES + 1, len(quaternion)))
         np.multiply(turn[1:], turn[1:], out=features[:3])

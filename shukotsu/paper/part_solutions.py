@@ -66,7 +66,7 @@ def stream_recordings(paths: Sequence[Path], layout: Layout) -> StreamedRecordin
     Raises
     ------
     InputError
-        Where a file is not a poses table.
+        If a file is not a poses table.
 
     """
     moments = JointMoments(len(layout.solvable), sum(map(frame_count, paths)))
@@ -145,7 +145,7 @@ def _by_stack(
 
 
 def _reason(joint: Joint, seen: Mapping[str, bool], n_frames: int) -> str:
-    """Why the joint could not be solved."""
+    """Return the reason why the joint could not be solved."""
     dead = [segment for segment in (joint.parent_receiver, joint.child) if not seen[segment]]
     if dead:
         return f"no valid pose of {listed(dead)}; check that receiver"
@@ -176,13 +176,13 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[JointSolutio
     Returns
     -------
     dict
-        Part -> its rows of joint_solutions, or the exception by which it failed, in the order of the
+        Part -> its rows of joint_solutions, or the exception with which it failed, in the order of the
         requests.
 
     Raises
     ------
     TableError
-        Where a file is not a poses table.
+        If a file is not a poses table.
 
     """
     groups: dict[tuple[str, tuple[Path, ...]], list[PartRequest]] = {}
@@ -194,7 +194,7 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[JointSolutio
             rows = _rows_by_settings(group)
         except TableError:
             raise
-        except Exception as error:  # a bug, too, must not cost the study its other hands
+        except Exception as error:  # even a bug must not stop the study's other hands
             outcomes |= dict.fromkeys((request.part for request in group), error)
         else:
             outcomes |= {request.part: rows[request.settings] for request in group}
@@ -202,7 +202,7 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[JointSolutio
 
 
 def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[JointSolutionsRow]]:
-    """Rows of joint_solutions of one hand under every solver setting that the group requests."""
+    """Return the rows of joint_solutions of one hand for every solver setting in the group."""
     layout = group[0].layout
     usable, reasons = usable_poses(group[0].poses)
     for reason in reasons:
@@ -217,7 +217,7 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[J
 
 
 def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[JointSolutionsRow]:
-    """A row for every solvable joint, except failed joints at an optional receiver, which was not worn."""
+    """Build a row for every solvable joint, except failed joints at an optional receiver not worn."""
     rows = []
     for joint in layout.solvable:
         solution = solutions[joint.name]
@@ -228,7 +228,7 @@ def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) 
 
 
 def solution_row(joint: Joint, solution: JointSolution | str) -> JointSolutionsRow:
-    """Row of joint_solutions of one joint; failed where `solution` is the reason instead."""
+    """Build the row of joint_solutions of one joint; `solution` is the reason if the joint failed."""
     row: JointSolutionsRow = {
         "joint": joint.name,
         "parent_segment": joint.parent_receiver,
@@ -261,7 +261,7 @@ _NUMBERS = (
 
 
 def solution_of(row: JointSolutionsRow) -> JointSolution:
-    """Solution of a joint from its row of joint_solutions, which did not fail; inverse of `solution_row`."""
+    """Convert a row of joint_solutions that did not fail to a solution; inverse of `solution_row`."""
     numbers: Any = row
     return JointSolution(
         p_mm=vector_of(row, "parent_", "_mm"),

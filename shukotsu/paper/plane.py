@@ -1,4 +1,4 @@
-"""Joint centres: where section 4's plane cuts the axis, manual corrections, the stated error."""
+"""Joint centres: intersection of the axis with section 4's plane, manual corrections, stated error."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def project(solution: JointSolution, plane: Plane) -> Projection | None:
     Returns
     -------
     Projection or None
-        None where the axis lies in the plane.
+        None if the axis lies in the plane.
 
     """
     p_mm, q_mm, covariance_mm2 = solution.p_mm, solution.q_mm, solution.covariance_mm2
@@ -94,7 +94,7 @@ def project(solution: JointSolution, plane: Plane) -> Projection | None:
 
 
 def leave_uncut(solution: JointSolution) -> Projection:
-    """Centre of the six-value solution, for a joint without a plane.
+    """Return the centre of the six-value solution, for a joint without a plane.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ def leave_uncut(solution: JointSolution) -> Projection:
     Returns
     -------
     Projection
-        With axis_plane_deg None. The variance along the null vector is that of a sample of the gap over the
-        squared smallest singular value.
+        The centre, with axis_plane_deg None. Its variance along the null vector is the variance of the mean
+        gap per component over the squared smallest singular value.
 
     """
     slide_mm = solution.slide_to_free_mm
@@ -150,7 +150,7 @@ def correct(
 
 
 def centre_sd_mm(covariance_mm2: Float[Array, "6 6"]) -> float:
-    """Three-dimensional standard deviation of a centre: that of the worse half.
+    """Return the three-dimensional standard deviation of a centre, the larger one of its two halves.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def gap_rms_mm(
     shift_parent_mm: Float[Array, " 3"],
     shift_child_mm: Float[Array, " 3"],
 ) -> float:
-    """Root mean square gap of a centre moved along the axis and, possibly, by a manual correction.
+    """Compute the root mean square gap of a centre that was moved along the axis and, possibly, corrected.
 
     The mean square gap is a quadratic form about the six-value solution with the normal matrix [[I, -M],
     [-M^T, I]], M the mean of R_a^T R_b; along the axis it grows with the square of the smallest singular
@@ -208,7 +208,7 @@ def gap_rms_mm(
 
 
 def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCentresRow]:
-    """Rows of joint_centres of one skeleton from its rows of joint_solutions.
+    """Convert one skeleton's rows of joint_solutions to rows of joint_centres.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
     Raises
     ------
     InputError
-        Where the table has a joint that the layout lacks.
+        If the table has a joint that the layout lacks.
 
     """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
@@ -241,7 +241,7 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
         if joint is None:
             raise InputError(
                 f"{solutions}: joint {solution['joint']} is not in layout {layout.name}; "
-                "give the layout that the joints were solved with"
+                "use the layout with which the joints were solved"
             )
         row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
         row |= {"subject": plan.who.subject, "session": plan.who.session}
@@ -256,7 +256,7 @@ def place_joint(
     model: SkeletonModel,
     correction_mm: Array | None,
 ) -> JointCentresRow:
-    """Row of joint_centres of one joint, without subject, hand and model.
+    """Build the row of joint_centres of one joint, without subject, hand and model.
 
     Parameters
     ----------
@@ -265,14 +265,14 @@ def place_joint(
     solution : mapping
         Its row of joint_solutions.
     model : SkeletonModel
-        The model, which says whether planes cut axes.
+        The model, which states whether planes cut axes.
     correction_mm : array, shape (3,), or None
         Manual correction in the child's receiver frame.
 
     Returns
     -------
     dict
-        A failed solution gives a row without numbers.
+        The row; without numbers if the solution failed.
 
     """
     dof = 3 if joint.plane.frame == "none" else 1
@@ -311,7 +311,7 @@ def place_joint(
 
 
 def _projection(joint: Joint, solution: JointSolution, *, cut: bool) -> Projection | None:
-    """The centre where the plane cuts the axis, or as solved where the model uses no planes."""
+    """Return the centre where the plane cuts the axis, or the solved centre if the model uses no planes."""
     if not cut:
         return Projection(solution.p_mm, solution.q_mm, 0.0, None, solution.covariance_mm2)
     if joint.plane.frame == "none":
@@ -322,7 +322,7 @@ def _projection(joint: Joint, solution: JointSolution, *, cut: bool) -> Projecti
 def _centre(
     solution: JointSolution, placed: Projection, shift_mm: Array, model: SkeletonModel
 ) -> JointCentresRow:
-    """Columns of the corrected centre: its position, gap and scatter."""
+    """Build the columns of the corrected centre: its position, gap and scatter."""
     p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, solution.mean_rotation)
     gap = gap_rms_mm(solution, placed.slide_mm, p_mm - placed.p_mm, q_mm - placed.q_mm)
     row: JointCentresRow = {
@@ -339,7 +339,7 @@ def _centre(
 def _whole_error(
     joint: Joint, layout: Layout, placed: Projection, solution: JointSolution
 ) -> JointCentresRow:
-    """Columns of the total error, scatter plus unseen errors, with the scatter alone in scatter_sd_mm."""
+    """Build the columns of the total error (scatter and unseen errors) and of the scatter alone."""
     unseen_mm2 = unseen_covariance(
         joint,
         layout,
@@ -358,7 +358,7 @@ def _whole_error(
 
 
 def _doubts(joint: Joint, row: JointCentresRow, model: SkeletonModel) -> dict[str, Values]:
-    """Doubts about the centre, by kind, with the numbers that they quote."""
+    """List doubts about the centre by kind, with the values that their sentences quote."""
     doubts: dict[str, Values] = {}
     if joint.compound:
         doubts[ACROSS] = {"segment": joint.parent, "receiver": joint.parent_receiver}

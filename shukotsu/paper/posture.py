@@ -1,9 +1,8 @@
-"""Eq. 8-11: posture of a metacarpal from the position of its MCP joint and the rotation of the proximal
-phalanx.
+"""Posture of a metacarpal from its MCP joint's position and the proximal phalanx's rotation (Eq. 8-11).
 
-All directions are seen from the hand. With the paper's factor 1 in Eq. 11 the result is the same as seen from
-the transmitter. With other factors the hand's frame keeps a rotation of the whole hand out of the bone's
-twist, and in any case the swing stays small, so that turning the hand over is not a singularity.
+All directions are in the hand's frame. With the paper's factor 1 in Eq. 11 the result is the same as in the
+transmitter's frame. With other factors, the hand's frame keeps a rotation of the whole hand out of the bone's
+twist. In either case the swing stays small, so that turning the hand over is not a singularity.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ SWING_LIMIT_DEG = 175.0
 """Swing beyond which the axis of Eq. 8 is poorly defined: the two vectors are nearly opposite."""
 
 TWIST_LIMIT_DEG = 75.0
-"""MCP flexion beyond which the twist is not trusted.
+"""MCP flexion beyond which the twist is unreliable.
 
 The component of the proximal normal perpendicular to the metacarpal shrinks with flexion and vanishes at 90
 deg.
@@ -38,7 +37,7 @@ class Posture:
     swing_rad, twist_rad : array, shape (T,)
         Swing angle, and twist angle after Eq. 11.
     swing_singular, twist_singular : array of bool, shape (T,)
-        Where the angle is near its singularity and not trusted.
+        Whether the angle is near its singularity and therefore unreliable.
 
     """
 
@@ -82,7 +81,7 @@ class Reference:
         Returns
         -------
         Reference
-            With the twist of that frame.
+            The reference, including the twist of that frame.
 
         """
         angle, _ = twist(vector_mm[None], normal[None], normal_proximal[None])
@@ -92,7 +91,7 @@ class Reference:
 def swing(
     start: Float[Array, " 3"], vector: Float[Array, "T 3"]
 ) -> tuple[Float[Array, "T 4"], Float[Array, " T"]]:
-    """Shortest rotation that takes one vector to each of others (Eq. 8-10).
+    """Compute the shortest rotations from one vector to each of several others (Eq. 8-10).
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ def twist(
     normal_metacarpal: Float[Array, "T 3"],
     normal_proximal: Float[Array, "T 3"],
 ) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
-    """Angle about the metacarpal from its normal to that of the proximal phalanx (Fig. 6-8).
+    """Compute the angle about the metacarpal from its normal to that of the proximal phalanx (Fig. 6-8).
 
     Parameters
     ----------
@@ -133,7 +132,7 @@ def twist(
     angle : array, shape (T,)
         Signed angle, rad.
     across : array, shape (T,)
-        Length of the proximal normal's component perpendicular to v(k); the angle is undefined where it is 0.
+        Length of the proximal normal's component perpendicular to v(k); the angle is undefined if it is 0.
 
     """
     along = unit(vector)
@@ -149,7 +148,7 @@ def estimate_posture(
     reference: Reference,
     twist_factor: float,
 ) -> Posture:
-    """Posture of a metacarpal: swing first, then twist about the swung bone (Eq. 8-11).
+    """Estimate the posture of a metacarpal: swing first, then twist about the swung bone (Eq. 8-11).
 
     Parameters
     ----------
@@ -183,7 +182,7 @@ def estimate_posture(
 
 
 def _dot(first: Array, second: Array) -> Array:
-    """Scalar products (...) of vectors (..., 3); a frame's result does not depend on the other frames."""
+    """Return scalar products (...) of vectors (..., 3); a frame's result does not depend on other frames."""
     a, b, c = np.moveaxis(first, -1, 0)
     x, y, z = np.moveaxis(second, -1, 0)
     return np.asarray(a * x + b * y + c * z)

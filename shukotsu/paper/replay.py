@@ -1,9 +1,9 @@
-"""Section 6: replay of a digit from its base outward by the rotations of its receivers, and the tip error.
+"""Replay of a digit from its base outward by the rotations of its receivers, and the tip error (section 6).
 
-There are two bindings of bones to receivers. In the paper's, first-frame, bones are the vectors between joint
-centres in the first frame, and the tip error is zero there. With least-squares, bones are constant vectors in
-their receivers' frames and no frame is special (`hand.posing`). Either error is a sum of joint gaps
-(docs/method.md, "Tip error").
+There are two bindings of bones to receivers. In the paper's binding (first-frame), bones are the vectors
+between joint centres in the first frame, where the tip error is zero. In the other one (least-squares), bones
+are constant vectors in their receivers' frames, so that no frame is preferred (`hand.posing`). Either error
+is a sum of joint gaps (docs/method.md, "Tip error").
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import TipErrorsRow
 
 FirstFrame = tuple[Poses, Array | None]
-"""First usable frame of a recording, and the metacarpal's quaternion (1, 4) in it, if posed."""
+"""First usable frame of a recording, and the metacarpal's quaternion (1, 4) in it, if it is posed."""
 
 
 def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Bools:
-    """Frames in which everything that the digit's replay needs is valid.
+    """Find the frames in which everything that the digit's replay needs is valid.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> 
     Returns
     -------
     array of bool, shape (T,)
-        True where the frame can be replayed.
+        Whether the frame can be replayed.
 
     """
     usable = all_valid(poses, (chain.digit.base, *chain.receivers))
@@ -59,7 +59,7 @@ def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> 
 
 
 def tips_least_squares(bones: PosedRecording) -> dict[str, Array]:
-    """Tip positions (T, 3) mm of every digit in the transmitter frame, least-squares binding; NaN in gaps."""
+    """Return each digit's tip (T, 3), mm in the transmitter frame, least-squares binding; NaN in gaps."""
     position_mm = rigid_positions(bones)
     return {joint.digit: position_mm[:, index] for index, joint in enumerate(bones.joints) if joint.tip}
 
@@ -74,12 +74,12 @@ def first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Fi
     poses : Poses
         T frames.
     metacarpal : array, shape (T, 4), or None
-        Quaternions of its metacarpal; None where it is posed by a receiver.
+        Quaternions of its metacarpal; None if it is posed by a receiver.
 
     Returns
     -------
     tuple or None
-        The frame, and the metacarpal's quaternion (1, 4) in it; None where no frame is usable.
+        The frame, and the metacarpal's quaternion (1, 4) in it; None if no frame is usable.
 
     """
     usable = usable_frames(chain, poses, metacarpal)
@@ -92,10 +92,10 @@ def first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Fi
 def tip_first_frame(
     chain: DigitChain, poses: Poses, metacarpal: Array | None, first: FirstFrame | None, *, at_rest: bool
 ) -> Array:
-    """Replayed tip positions with bones bound in the first frame (section 6).
+    """Replay a digit's tip with bones bound in the first frame (section 6).
 
-    In the first frame joints are at their child halves and the tip is the origin of the distal receiver, so
-    the error there is zero. The exception is a metacarpal at rest, which is not bound to the first frame.
+    In the first frame, joints are at their child halves and the tip is at the origin of the distal receiver,
+    so that the error is zero. The exception is a metacarpal at rest, which is not bound in the first frame.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def tip_first_frame(
 
 
 def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
-    """Distance of replayed tips from the origin of the distal receiver (section 6).
+    """Compute the distance of replayed tips from the origin of the distal receiver (section 6).
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
 
 
 def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
-    """Statistics of the finite errors among those of all frames, as the paper's tables have them.
+    """Compute the statistics of the paper's tables over all finite errors.
 
     Parameters
     ----------
@@ -194,8 +194,9 @@ BINDINGS = ("first-frame", "least-squares")
 def write_replay(
     plan: SubjectPlan, part: Part, opened: Opened, tips: PartsWriter, errors: PartsWriter
 ) -> None:
-    """Replay one skeleton in its recordings; a recording that could not be imported gets rows with the
-    reason. opened : opens the tables of the skeleton.
+    """Replay one skeleton in its recordings; rows of a recording that was not imported state the reason.
+
+    opened : opens the tables of the skeleton.
     """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     skeleton = read_skeleton(plan.table, opened, layout, model, part)
@@ -235,7 +236,7 @@ def replay_recording(
 ) -> Iterator[tuple[dict[str, Any] | None, list[TipErrorsRow]]]:
     """Replay every digit of a skeleton in one recording.
 
-    One digit at a time, since the bones of all digits take several times the memory of the recording.
+    Digits are replayed one at a time, as bones of all digits take several times the memory of the recording.
 
     Parameters
     ----------
@@ -244,12 +245,12 @@ def replay_recording(
     recording : PosesReader
         The recording.
     metacarpals : callable
-        (digit, frames (T,)) -> quaternions (T, 4) by digit; empty where the digit has none.
+        (digit, frames (T,)) -> quaternions (T, 4) by digit; empty if the digit has none.
 
     Yields
     ------
     tuple
-        Columns of tips of a block and no rows, or None and the digit's rows of tip_errors.
+        Columns of tips of a block and an empty list, or None and the digit's rows of tip_errors.
 
     """
     for digit in skeleton.layout.digits.values():
@@ -274,7 +275,7 @@ def replay_recording(
 
 
 class _Replay:
-    """Replay of one digit, accumulated block by block: errors of each binding, and segments with a pose."""
+    """Replay of one digit block by block; accumulates errors of each binding, and segments with a pose."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
@@ -285,7 +286,7 @@ class _Replay:
     def columns(
         self, chain: DigitChain, poses: Poses, metacarpal: Array | None, tip_mm: Array
     ) -> dict[str, Any]:
-        """Columns of tips for the next block; tip_mm : (T, 3) of the least-squares binding."""
+        """Build the columns of tips for the next block; tip_mm : (T, 3) of the least-squares binding."""
         measured = self._skeleton.layout.segments[chain.digit.segments[0]].measured
         at_rest = not measured and self._skeleton.model.metacarpals.unmeasured == "rest"
         tip_mm = np.where(usable_frames(chain, poses, metacarpal)[:, None], tip_mm, np.nan)
@@ -305,7 +306,7 @@ class _Replay:
         }
 
     def rows(self, chain: DigitChain) -> list[TipErrorsRow]:
-        """Rows of tip_errors, after the last block."""
+        """Build the rows of tip_errors after the last block."""
         errors_of = {binding: np.concatenate(blocks) for binding, blocks in self._errors_mm.items()}
         least_squares_mm = errors_of[BINDINGS[1]]
         why, needed = "", (chain.digit.base, *chain.receivers)
@@ -313,7 +314,7 @@ class _Replay:
             absent = [name for name in needed if name not in self._seen]
             why = f"no frame in which all of {listed(needed)} are valid"
             if absent:
-                why = f"the recording has no pose of {listed(absent)}, which the replay rides on"
+                why = f"the recording has no pose of {listed(absent)}, which the replay needs"
         return [
             _row(chain.digit.name, binding, len(error_mm), why) | error_statistics(error_mm)
             for binding, error_mm in errors_of.items()
@@ -321,16 +322,16 @@ class _Replay:
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[TipErrorsRow]:
-    """Rows of tip_errors of a digit without numbers.
+    """Build the rows of tip_errors of a digit that could not be replayed.
 
     Parameters
     ----------
     digit : str
         The digit.
     reason : str
-        Why there are none.
+        Why it could not be replayed.
     n_frames : int
-        Frames of the recording that are usable.
+        Number of frames of the recording.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A skeleton: joints as projected or as the whole hand is fitted, judged, and written with its bones."""
+"""Assemble a skeleton from projected or fitted joints, add verdicts, and write its joints and bones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _KEPT_OF_FAILED = (
     *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
 )
-"""Columns that a row keeps where the fit failed, or nobody wore a receiver."""
+"""Columns that a row keeps if the fit failed or a receiver was not worn."""
 
 
 def merge_fitted(
@@ -54,7 +54,7 @@ def merge_fitted(
     Returns
     -------
     list of dict
-        Projected joints in their order, replaced by the fit's where it has them, then the fit's other joints.
+        Projected joints in their order, replaced by those of the fit if it has them, then its other joints.
 
     """
     fitted = {row["joint"]: row for row in fitted_rows}
@@ -76,7 +76,7 @@ def merge_fitted(
 
 
 def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
-    """A row of joint_centres of a joint that failed."""
+    """Reduce a row of joint_centres to that of a failed joint."""
     kept: Any = {name: value for name, value in row.items() if name in _KEPT_OF_FAILED}
     failed: JointCentresRow = {"status": "failed", "message": message}
     failed |= UNJUDGED | kept
@@ -95,10 +95,10 @@ def judge_hand(
     layout : Layout
         Layout of the hand, with the wanted accuracy.
     suspicion : mapping
-        Doubts of a suspect recording; empty where there is none.
+        Doubts due to suspect recordings; empty if there are none.
     worn : collection of str, optional
-        Segments whose receivers have a pose in the calibration; all if omitted. A joint that these do not
-        measure loses its numbers.
+        Segments whose receivers have a pose in the calibration; all if omitted. Joints that they do not
+        measure lose their numbers.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def judge_hand(
 
 
 def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, list[str]]:
-    """The receivers that were not worn, by joint of a digit that is not measured, or failed, without them."""
+    """Return missing receivers by joint, for digit joints that are not measured or failed without them."""
     unworn = {}
     for name in (name for digit in layout.digits.values() for name in digit.joints if name in joints):
         sides = (layout.joints[name].parent_receiver, layout.joints[name].child)
@@ -146,7 +146,7 @@ def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, li
 
 
 def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
-    """Find neighbouring MCP centres that are closer to each other than is anatomically plausible.
+    """Find neighbouring MCP centres that are implausibly close to each other.
 
     Parameters
     ----------
@@ -175,15 +175,16 @@ def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
 
 
 def is_whole(bone: BoneLengthsRow, layout: Layout) -> bool:
-    """Whether a row of bone_lengths spans the bone itself, neither starting at the wrist nor ending at a
-    receiver.
-    """
+    """Return whether a row of bone_lengths spans the whole bone: from its joint to the next or its tip."""
     joint_of = {joint.child: name for name, joint in layout.joints.items()}
     return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
 
 
 def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mapping[str, PartsWriter]) -> None:
-    """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals. opened : opens tables."""
+    """Write one skeleton's rows of joint_centres, bone_lengths and metacarpals.
+
+    opened : opens the tables to read. tables : writers by name.
+    """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     projected = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, part)))
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
@@ -224,7 +225,7 @@ def _pose_recording(
     recording: Recording,
     metacarpals: PartsWriter,
 ) -> None:
-    """Write the metacarpals of one recording, if it holds poses."""
+    """Write the metacarpals of one recording, if it has poses."""
     layout, model = plan.layouts[part.hand], plan.models[part.model]
 
     def posed_by_fit(segment: str, frames: Index) -> Array | None:
@@ -233,12 +234,12 @@ def _pose_recording(
             return parts.recording(*keys, len(frames), frames, segment).get(segment)
 
     for path in usable_poses([plan.poses(recording)])[0]:
-        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # None: fit failed
+        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # no fit
         for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
 
 
 def _by(key: str, rows: Any) -> Any:
-    """Rows by the value of a column."""
+    """Index rows by the value of a column."""
     return {row[key]: row for row in rows}

@@ -1,7 +1,7 @@
 """Eq. 4-7 as printed: the rotations of all frames are stacked and inverted by SVD.
 
-The closed form (`closed`) gives the same numbers from one pass over the data. This solver is kept as the
-paper's own and as the reference that the closed form is tested against.
+The closed form (`closed`) computes the same numbers in one pass over the data. This solver is kept because it
+is the paper's, and because the closed form is tested against it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from shukotsu.arrays import Float
 from shukotsu.hand.rotations import Array, matrix
 
 EXACT_HINGE = 5e-13
-"""Threshold on the smallest squared singular value over frames: below it the value is rounding error.
+"""Smallest squared singular value, over the number of frames, below which it is only rounding error.
 
 The joint is then a hinge without noise, whose sixth unknown is undetermined.
 """

@@ -1,4 +1,4 @@
-"""Covariance of a joint centre from errors that the data cannot show: skin motion and receiver placement.
+"""Covariance of a joint centre due to errors that the data cannot show: skin motion and receiver placement.
 
 docs/method.md, "Uncertainty".
 """
@@ -28,9 +28,9 @@ TYPICAL_GAP_MM = 1.0
 """
 
 NEIGHBOUR_RANGE_DEG = 30.0
-"""Range of motion of a neighbouring joint that is correlated with the joint's own.
+"""Range of a neighbouring joint's motion that is correlated with that of the joint.
 
-It moves the skin of both receivers, and displaces the centre more the less the joint itself moves.
+It moves the skin of both receivers, which displaces the centre more if the joint itself moves less.
 """
 
 COMPOUND_SD_MM = 6.0
@@ -52,10 +52,10 @@ def unseen_covariance(
     gap_rms_mm: float,
     range_deg: float,
 ) -> Array:
-    """Covariance of a centre from errors that leave neither scatter nor a gap: skin motion and receiver
-    placement.
+    """Compute the covariance of a centre due to errors that cause neither scatter nor a gap.
 
-    docs/method.md, "Uncertainty". Both halves are off by the same vector, since they coincide.
+    These are skin motion and receiver placement (docs/method.md, "Uncertainty"). Both halves have the same
+    error, as they coincide.
 
     Parameters
     ----------
@@ -94,14 +94,14 @@ def unseen_covariance(
 
 
 def _looseness(segment: str, layout: Layout, gap_rms_mm: float) -> float:
-    """Factor on the tabulated skin motion of a segment, from the gap and the margin."""
+    """Return the factor on a segment's tabulated skin motion, from the gap and the margin."""
     if _is_known(segment, layout):
         return MARGIN * max(1.0, gap_rms_mm / TYPICAL_GAP_MM)
     return max(1.0, gap_rms_mm / PRIOR.UNKNOWN_SLIDE_SD_MM)
 
 
 def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> float:
-    """Variance along the axis of the point where the plane cuts it, mm^2; 0 for a joint without a plane."""
+    """Return the variance, mm^2, of the plane's intersection along the axis; 0 if the joint has no plane."""
     if placed.axis_plane_deg is None:
         return 0.0
     in_parent = joint.plane.frame == "parent"
@@ -114,7 +114,7 @@ def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> flo
 
 
 def _is_known(segment: str, layout: Layout) -> bool:
-    """Whether the anatomy tables cover the segment: the hand itself, or a bone of one of its digits."""
+    """Return whether the anatomy tables cover the segment: the hand itself, or a bone of a digit."""
     if layout.wrist is not None and segment == layout.wrist.segment:
         return True
     digit, _, kind = segment.rpartition("_")
@@ -122,7 +122,10 @@ def _is_known(segment: str, layout: Layout) -> bool:
 
 
 def _slide_covariance(segment: str, layout: Layout, lever_mm: Array, looseness: float) -> Array:
-    """Covariance (3, 3), mm^2 per rad^2, of a point's skin motion as its receiver sees it; lever_mm (3,)."""
+    """Return the covariance (3, 3), mm^2 per rad^2, of a point due to its receiver's skin motion.
+
+    lever_mm : (3,) the point in the receiver's frame. looseness : factor on tabulated skin motion.
+    """
     if layout.wrist is not None and segment == layout.wrist.segment:
         return np.asarray((looseness * PRIOR.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
     if not _is_known(segment, layout):

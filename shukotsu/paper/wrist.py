@@ -24,10 +24,10 @@ DISTANCE_SD_MM = 1.0
 """Standard deviation of the distance from wrist to MCP joint due to skin motion."""
 
 INDEPENDENT_SAMPLES = 20.0
-"""Number of independent samples, for each digit, in a recording of about ten seconds."""
+"""Number of independent samples of each digit in a recording of about ten seconds."""
 
 NOMINAL_SD_MM = 15.0
-"""Standard deviation of a wrist about that of the average hand, receiver placement included."""
+"""Standard deviation of a wrist relative to that of the average hand, including receiver placement."""
 
 MAX_FRAMES = 4096
 
@@ -41,13 +41,11 @@ class WristPoint:
 
 
 def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, " 3"]) -> WristPoint:
-    """Point whose distance to the MCP joints varies least, by Gauss-Newton.
+    """Find the point whose distance to the MCP joints varies least (docs/method.md, "Wrist and metacarpals").
 
-    See docs/method.md, "Wrist and metacarpals".
-
-    Minimises samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2. The
-    nominal wrist decides what the data leave open: where the palm does not move, every point keeps its
-    distance.
+    Gauss-Newton minimises samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 /
+    sd_nominal^2. The nominal wrist determines what the data leave open: if the palm does not move, every
+    point keeps its distance.
 
     Parameters
     ----------
@@ -72,7 +70,7 @@ def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, "
 
 @lru_cache(maxsize=4)
 def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
-    """Cached `estimate_wrist`, positions (3, T) as bytes: models of a hand often share their MCP joints."""
+    """Estimate the wrist from positions (3, T) as bytes; cached, as models often share MCP joints."""
     digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
     nominal = np.array(nominal_mm)
     point = nominal.copy()
@@ -90,7 +88,7 @@ def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> Wr
 
 
 def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tuple[Array, Array]:
-    """Hessian (3, 3) and gradient (3,) at a point; digits : positions (3, T), one row per axis."""
+    """Compute the Hessian (3, 3) and gradient (3,) at a point; digits : positions (3, T) of each."""
     hessian = np.eye(3) / NOMINAL_SD_MM**2
     gradient = (point - nominal) / NOMINAL_SD_MM**2
     for positions in digits:
@@ -110,7 +108,7 @@ def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tupl
 def wrist_row(
     rows: Rows, layout: Layout, model: SkeletonModel, calibration: PosesReader
 ) -> JointCentresRow | None:
-    """Row of joint_centres of the wrist, without subject, hand and model; None where no wrist is needed.
+    """Build the wrist's row of joint_centres, without subject, hand and model.
 
     Parameters
     ----------
@@ -127,7 +125,7 @@ def wrist_row(
     Returns
     -------
     dict or None
-        The row.
+        The row; None if the layout has no wrist.
 
     """
     wrist = layout.wrist
@@ -148,10 +146,10 @@ def wrist_row(
         return _point_row(wrist, configured, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
-    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to estimate it from"
     if positions:
         joints = f"{len(positions)} MCP joint{'s' if len(positions) > 1 else ''}"
-        how = f"the point that keeps its distance from {joints}"
+        how = f"the point whose distance to {joints} varies least"
     doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
     doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
     if len(doubtful) > len(positions) / 2:
@@ -160,8 +158,9 @@ def wrist_row(
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
-    """MCP centres of digits without a metacarpal receiver, (N, 3) mm in the hand's frame, in evenly spaced
-    frames.
+    """Return MCP centres (N, 3), mm in the hand receiver's frame, of digits without a metacarpal receiver.
+
+    N frames are evenly spaced.
     """
     positions = {}
     for digit in layout.digits.values():
@@ -188,7 +187,7 @@ def _point_row(
     source: str,
     doubts: Mapping[str, Values] | None = None,
 ) -> JointCentresRow:
-    """Row of joint_centres of a wrist point, or of its failure where point is None."""
+    """Build the row of joint_centres of a wrist point, or of a failed one if point is None."""
     row: JointCentresRow = {
         "joint": wrist.joint,
         "parent_segment": "",

@@ -1,1 +1,1 @@
-"""Statistics with the subject as the unit: tests, intervals, effect sizes, repeatability. Arrays only."""
+"""Scores of skeletons on recordings and against the truth, and statistics over subjects."""

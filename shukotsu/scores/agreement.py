@@ -1,6 +1,7 @@
-"""Whether stated errors hold, without a truth: bones known twice from data that have nothing in common.
+"""Test of stated errors without a known truth: lengths of a bone estimated twice from independent data.
 
-On paper: docs/whole-hand.md, section 8, which says what part of an error this tests and which it cannot.
+On paper: docs/whole-hand.md, section 8, which states which part of an error this tests and which it cannot
+test.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import AgreementRow, LengthPullsRow
 
 ACROSS = ("session", "hand", "recording")
-"""In what two estimates of one person's bone may differ, all else being the same."""
+"""What may differ between two estimates of one person's bone; everything else must be the same."""
 
 OF_BOTH_HANDS = frozenset(
     (
@@ -31,12 +32,27 @@ OF_BOTH_HANDS = frozenset(
         *("joint slide", "pro-supination", "breadth", "unmodelled"),
     )
 )
-"""Groups of unknowns that a person's hands have in common: bones and joints are mirror images."""
+"""Groups of unknowns that both hands of a person share, as bones and joints are mirror images."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A bone's length from some recordings; pulls_mm : by unknown and its group."""
+    """A bone's length as estimated from some recordings.
+
+    Attributes
+    ----------
+    session, hand : str
+        Session and hand of the recordings.
+    recordings : frozenset of str
+        Names of the recordings.
+    is_whole : bool
+        Whether no task was left out.
+    length_mm, sd_mm : float
+        Length and its stated error.
+    pulls_mm : mapping of (str, str) to float
+        Pull of the prior of each unknown (name and group) on the length.
+
+    """
 
     session: str
     hand: str
@@ -56,13 +72,13 @@ class Estimate:
         *,
         is_whole: bool,
     ) -> Estimate:
-        """Return the estimate that one bone's rows of length_pulls are of."""
+        """Build an estimate from one bone's rows of length_pulls."""
         by_unknown = {(row["unknown"], row["group"]): row["pull_mm"] for row in pulls}
         stated = pulls[0]["alone_mm"], pulls[0]["alone_sd_mm"]
         return cls(session, hand, frozenset(recordings), is_whole, *stated, by_unknown)
 
     def across(self, other: Estimate) -> str:
-        """Return the one thing in which two estimates differ; empty where they are not independent."""
+        """Return the single aspect (of `ACROSS`) in which two estimates differ; empty if not comparable."""
         differ = [name for name in ("session", "hand") if getattr(self, name) != getattr(other, name)]
         if not differ and self.recordings.isdisjoint(other.recordings):
             return "recording"
@@ -70,7 +86,7 @@ class Estimate:
 
 
 def agreement(plans: Iterable[SubjectPlan]) -> list[AgreementRow]:
-    """Rows of agreement: all pairs of a subject's estimates, of hands that no finding doubts."""
+    """Compare all pairs of a subject's estimates, except of hands with a suspect or refused recording."""
     estimates: dict[tuple[str, str, str], list[Estimate]] = defaultdict(list)
     for plan in plans:
         doubted = plan.checked(plan.table("findings")).doubted
@@ -91,7 +107,7 @@ def agreement(plans: Iterable[SubjectPlan]) -> list[AgreementRow]:
 
 
 def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[AgreementRow]:
-    """Compare every two estimates of one bone that differ in one thing."""
+    """Compare all pairs of estimates of one bone that differ in a single aspect."""
     for first, second in combinations(estimates, 2):
         if across := first.across(second):
             names = (
@@ -114,23 +130,23 @@ def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[AgreementRow]:
 
 
 def difference_sd_mm(first: Estimate, second: Estimate, across: str) -> float:
-    """Standard deviation of the difference of two estimates of one length (docs/whole-hand.md, section 8).
+    """Compute the sd of the difference of two estimates of one length (docs/whole-hand.md, section 8).
 
-    C1 + C2 - 2 sum c1 c2, where c are the pulls of the unknowns that both estimates share: within a session
-    all of them, between sessions those that are not put on anew, and between hands those of bones and joints,
-    whose lengths differ by SIDE_SD.
+    The variance is C1 + C2 - 2 sum c1 c2, where c are the pulls of unknowns that both estimates share. These
+    are all unknowns within a session, all but those of receiver placement between sessions, and those of
+    bones and joints between hands, whose lengths differ by SIDE_SD.
 
     Parameters
     ----------
     first, second : Estimate
         Estimates of the length.
     across : str
-        In what they differ, one of `ACROSS`.
+        Aspect in which they differ, one of `ACROSS`.
 
     Returns
     -------
     float
-        mm.
+        Standard deviation, mm.
 
     """
     shared = sum(
@@ -143,7 +159,7 @@ def difference_sd_mm(first: Estimate, second: Estimate, across: str) -> float:
 
 
 def times_expected(rows: Iterable[Mapping[str, Any]]) -> dict[str, tuple[float, int]]:
-    """Root mean square of z, which is 1 where errors are as stated, and number of pairs, by `across`."""
+    """Return the root mean square of z (1 if errors are as stated) and the number of pairs, by `across`."""
     by_kind: dict[str, list[float]] = {across: [] for across in ACROSS}
     for row in rows:
         by_kind[row["across"]].append(row["z"])

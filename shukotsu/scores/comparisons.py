@@ -1,12 +1,13 @@
 """Comparison of skeleton models over the subjects of a study, metric by metric (docs/statistics.md).
 
-Each subject contributes one difference of two models: the mean over the places (see `observations`) in which
-both have a number. A place that only one model has would favour the model that fails where the data are hard.
+Each subject contributes one difference of two models: the mean over the places (see `observations`) for which
+both have a value. A place for which only one model has a value would favour models that fail on difficult
+data.
 
-The baseline is the last of the paper's models that reproduce one of its tables without manual corrections;
-the first of them leaves the metacarpals at rest, and every other model beats it by centimetres. Without a
-model of the paper the baseline is the study's first model. Metrics of fitted hands alone are compared with
-the anatomical prior.
+The baseline is the last of the paper's models that reproduce one of its tables without manual corrections.
+(The first of them leaves the metacarpals at rest, and every other model is better by centimetres.) If the
+study has no model of the paper, the baseline is its first model. Metrics that only fitted hands have are
+compared with the anatomical prior.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class ComparedModels:
 
 
 def compare_models(study: ScoredStudy) -> ComparedModels:
-    """Compare a study's models by every metric that has values, held out where there are any.
+    """Compare a study's models by every metric that has values, by held-out values if there are any.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def compare_models(study: ScoredStudy) -> ComparedModels:
     Raises
     ------
     ValueError
-        Where a model was observed twice in one place.
+        If a model has two values in one place.
 
     """
     compared = ComparedModels()
@@ -137,10 +138,10 @@ def _compare(
 
 
 def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Value and reason of every model by subject, digit and place: of all digits together, then of each.
+    """Yield values and reasons of all models by subject, digit and place: for all digits, then for each.
 
-    Digits are in the order of the layouts, followed by any others that have values. Raises ValueError where a
-    model was observed twice in one place.
+    Digits are in the order of the layouts, followed by any others that have values. Raise ValueError if a
+    model has two values in one place.
     """
     places = seen.pivot(index=["subject", "digit", "place"], columns="model", values=["value", "reason"])
     yield ALL_DIGITS, places
@@ -154,9 +155,9 @@ def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.Da
 def _values(
     places: pd.DataFrame, subjects: Sequence[str], models: Sequence[str], references: Sequence[str]
 ) -> Iterator[ModelValuesRow]:
-    """Value of every subject under each model and reference, with the reasons for missing places.
+    """Yield the value of every subject for each model and reference, with the reasons for missing places.
 
-    A place counts as missing where any of `models` was observed in it and this one has no number.
+    A place is missing for a model if any of `models` was observed there but this one has no value.
     """
     names = list(dict.fromkeys([*models, *references]))
     values = places["value"].reindex(columns=names).astype(float)
@@ -187,7 +188,7 @@ def _values(
 
 
 def _shared_means(places: pd.DataFrame, models: Sequence[str], other: str) -> dict[str, list[ModelPairsRow]]:
-    """Means of each model and the other one for each subject, over the places in which both have a number."""
+    """Return each subject's means of each model and the other one, over places where both have a value."""
     values = places["value"].reindex(columns=[*models, other]).astype(float).to_numpy()
     mine, theirs = values[:, :-1], values[:, -1:]
     shared = np.hstack([np.where(np.isnan(theirs), np.nan, mine), np.where(np.isnan(mine), np.nan, theirs)])
@@ -205,7 +206,7 @@ def _shared_means(places: pd.DataFrame, models: Sequence[str], other: str) -> di
 
 
 def _difference(shared: Sequence[ModelPairsRow]) -> ModelDifferencesRow:
-    """Test of the subjects' differences between two models, not yet corrected for multiple comparisons."""
+    """Test the subjects' differences between two models, without correction for multiple comparisons."""
     n = len(shared)
     row: ModelDifferencesRow = {"n_compared_subjects": n, "p": None, "smallest_p": None}
     if not n:
@@ -246,7 +247,7 @@ def compare_study(study: Study, results: Results) -> None:
     Raises
     ------
     TableError
-        Where a table is damaged.
+        If a table is damaged.
 
     """
     inputs = (SKELETON_SCORES, JOINT_ERRORS, RECORDINGS, PROBLEMS)
@@ -262,7 +263,7 @@ def compare_study(study: Study, results: Results) -> None:
 
 
 def read_scores(study: Study, results: Results) -> ScoredStudy:
-    """Read the models, scores, joint errors and recordings of a study, without suspect hands.
+    """Read the models, scores, joint errors and recordings of a study, leaving out suspect hands.
 
     Parameters
     ----------
@@ -274,12 +275,12 @@ def read_scores(study: Study, results: Results) -> ScoredStudy:
     Returns
     -------
     ScoredStudy
-        What `compare_models` needs.
+        Input of `compare_models`.
 
     Raises
     ------
     TableError
-        Where a table is absent or damaged.
+        If a table does not exist or is damaged.
 
     """
     problems = _read(results, PROBLEMS, [*_HAND, "severity"])
@@ -299,12 +300,12 @@ def read_scores(study: Study, results: Results) -> ScoredStudy:
 
 
 def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
-    """Columns of a study table as a data frame."""
+    """Read columns of a study table as a data frame."""
     frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
     return frame
 
 
 def _without(rows: pd.DataFrame, suspect: pd.DataFrame) -> pd.DataFrame:
-    """Rows without those of suspect hands."""
+    """Drop the rows of suspect hands."""
     of_suspect = rows.merge(suspect, how="left", on=_HAND, indicator=True)["_merge"] == "both"
     return rows[~of_suspect.to_numpy()]

@@ -1,4 +1,4 @@
-"""Scores of a hand: every skeleton and reference in every recording, digit by digit, and joint errors.
+"""Score every skeleton and reference of a hand in every recording, digit by digit, and its joint errors.
 
 The columns are explained in docs/method.md, "Judging a skeleton".
 """
@@ -55,10 +55,10 @@ if TYPE_CHECKING:
 Scored = TypeVar("Scored", "SkeletonScoresRow", "JointErrorsRow")
 
 DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
-"""References without a model: the tip taken to be the distal receiver, and the true skeleton."""
+"""References without a model: the distal receiver as the tip, and the true skeleton."""
 
 _OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
-"""Tables of the anatomical prior, which exist only as the fit wrote them."""
+"""Tables of the anatomical prior, which exist only as tables of the fit."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +70,15 @@ class ScoredSkeleton:
     reader : RecordingReader
         Reader for any recording of the hand.
     calibrated_on : str
-        Recordings that the skeleton was made from, "task" or "task, trial", joined by ";".
+        Recordings from which the skeleton was made, "task" or "task, trial", joined by ";".
     tasks : tuple of str
-        Their tasks.
+        Tasks of these recordings.
     stated : Stated
         Joints and bones of the skeleton.
     tip_messages : mapping
         (task, trial, digit) -> message.
     message : str
-        Why tables could not be read; empty where all were.
+        Why tables could not be read; empty if all were read.
     reference : bool
         Whether it is the anatomical prior, scored in the frames in which it was posed.
 
@@ -93,12 +93,12 @@ class ScoredSkeleton:
     reference: bool = False
 
     def held_out(self, name: RecordingName) -> bool:
-        """Whether the skeleton was made without this recording's task."""
+        """Return whether the skeleton was made without this recording's task."""
         return self.reference or name.task not in self.tasks
 
 
 def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
-    """Read a skeleton's short tables; tables of failed parts are reported in `message`.
+    """Read a skeleton's short tables; report tables that could not be made in `message`.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
     plan : SubjectPlan
         Plan of the subject.
     part : Part
-        The skeleton; the model REFERENCE stands for the anatomical prior.
+        The skeleton; the model REFERENCE is the anatomical prior.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
     Raises
     ------
     TableError
-        Where a table is damaged or of another version.
+        If a table is damaged or of another version.
 
     """
     hand, layout, reference = part.hand, plan.layouts[part.hand], part.model == REFERENCE
@@ -165,7 +165,7 @@ class EvaluatedRecording:
     recording, layout : Recording, Layout
         The recording and the layout of its hand.
     poses : Poses or None
-        Its poses; None where it has none, with the reason in `message`.
+        Its poses; None if it has none, with the reason in `message`.
     truth : mapping
         Digit -> its true motion, for a simulated recording.
     stated_truth : RecordingTruth or None
@@ -188,7 +188,7 @@ class EvaluatedRecording:
         return RecordingName(**self.recording.key)
 
     def row(self, digit: str, model: str, message: str = "") -> SkeletonScoresRow:
-        """Row of a reference that was made from no recording, without numbers yet."""
+        """Build a row without scores, by default for a reference that was not made from recordings."""
         row: SkeletonScoresRow = {
             "model": model,
             "calibrated_on": "",
@@ -215,17 +215,17 @@ def evaluated_recording(
     recording : Recording
         The recording.
     truth : RecordingTruth or None
-        Its truth, where it is simulated.
+        Its truth, if it is simulated.
 
     Returns
     -------
     EvaluatedRecording
-        With the reason where it has no poses.
+        The recording, or the reason why it has no poses.
 
     Raises
     ------
     InputError
-        Where the truth is of another recording.
+        If the truth is of another recording.
 
     """
     layout = plan.layouts[recording.hand.hand]
@@ -251,7 +251,7 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
     Returns
     -------
     list of dict
-        Rows of skeleton_scores, one per digit, without numbers but with a message where it has none.
+        Rows of skeleton_scores, one per digit; a digit that cannot be scored has a message instead of scores.
 
     """
     name, rows = recording.name, []
@@ -297,10 +297,10 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
 
 
 def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> SkeletonScoresRow:
-    """Tip errors of one digit in one recording.
+    """Compute the tip errors of one digit in one recording.
 
-    A replay never uses the position of the distal receiver, so for a model that poses no whole hand its error
-    counts as the left-out error, too.
+    A replay never uses the position of the distal receiver. For a model that does not pose the whole hand,
+    its error is therefore also the left-out error.
 
     Parameters
     ----------
@@ -334,14 +334,14 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
 
 
 def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> SkeletonScoresRow:
-    """Mean and 95th percentile of the distance from tips to the true tips.
+    """Compute the mean and the 95th percentile of the distance from tips to the true tips.
 
     Parameters
     ----------
     tip_mm : array, shape (T, 3)
         Tips in the transmitter frame, mm.
     frame : array of int, shape (T,)
-        Their frames.
+        Their frame numbers.
     true : TrueDigit
         The truth.
 
@@ -357,21 +357,21 @@ def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigi
 
 
 def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
-    """Mean angle between directions of a metacarpal and the true ones.
+    """Compute the mean angle between directions of a metacarpal and the true ones.
 
     Parameters
     ----------
     direction : array, shape (T, 3)
         Unit directions in the transmitter frame.
     frame : array of int, shape (T,)
-        Their frames.
+        Their frame numbers.
     true : TrueDigit
         The truth.
 
     Returns
     -------
     float or None
-        Degrees; None without a common frame.
+        Angle, deg; None without a common frame.
 
     """
     truth = at_frames(true.metacarpal, true.frame, frame)
@@ -381,7 +381,7 @@ def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDig
 
 
 def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows) -> float | None:
-    """SD over frames of the distance from wrist to MCP joint.
+    """Compute the SD over frames of the distance from wrist to MCP joint.
 
     Parameters
     ----------
@@ -395,7 +395,7 @@ def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows
     Returns
     -------
     float or None
-        mm; None where the digit does not start at the wrist, either centre is missing, or fewer than two
+        SD, mm; None if the digit does not start at the wrist, either centre is missing, or fewer than two
         frames are valid.
 
     """
@@ -422,26 +422,26 @@ def finite_values(values: Array) -> Array:
     Returns
     -------
     array, shape (n,)
-        Those that are finite, in their order.
+        The finite values in their order.
 
     """
     return values[np.isfinite(values)]
 
 
 def mean_and_p95(name: str, values_mm: Array) -> Any:
-    """Columns of the mean and the 95th percentile of the finite values.
+    """Compute the columns of the mean and the 95th percentile of the finite values.
 
     Parameters
     ----------
     name : str
-        What the names of the columns begin with.
+        Prefix of the columns' names.
     values_mm : array, shape (T,)
         Values, NaN in gaps.
 
     Returns
     -------
     dict
-        NAME_mean_mm and NAME_p95_mm; empty where no value is finite.
+        NAME_mean_mm and NAME_p95_mm; empty if no value is finite.
 
     """
     values_mm = finite_values(values_mm)
@@ -451,7 +451,7 @@ def mean_and_p95(name: str, values_mm: Array) -> Any:
 
 
 def _child_mm(joints: Rows, name: str) -> Array | None:
-    """Child half (3,) mm of a joint's centre; None where it has none."""
+    """Return the child half (3,), mm, of a joint's centre, or None if it has none."""
     row = joints.get(name)
     if row is None or row["status"] == "failed" or row["child_x_mm"] is None:
         return None
@@ -459,7 +459,7 @@ def _child_mm(joints: Rows, name: str) -> Array | None:
 
 
 def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonScoresRow:
-    """Row of the reference distal-receiver: tip error 0, and the receiver's distance to the true tip."""
+    """Build the row of reference distal-receiver: tip error 0, and the receiver's distance to the tip."""
     row, poses = recording.row(digit.name, DISTAL_RECEIVER), recording.poses
     if poses is None:
         return row
@@ -474,10 +474,10 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Skeleton
 
 
 def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonScoresRow | None:
-    """Row of the reference true-skeleton, replayed like any other: its errors are those of skin and tracker.
+    """Build the row of reference true-skeleton, whose replay has only errors of skin and tracker.
 
     The metacarpal is the true one in every frame; the true tip is fixed at its mean position in the distal
-    receiver's frame. None where the truth lacks the digit.
+    receiver's frame. Return None if the truth lacks the digit.
     """
     true, truth, poses = recording.truth.get(digit.name), recording.stated_truth, recording.poses
     if true is None or truth is None or poses is None or not digit.metacarpal:
@@ -509,9 +509,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonSc
 
 
 def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
-    """First joint (3,) mm of the digit in the base receiver's frame, or the mean start of the true
-    metacarpal.
-    """
+    """Return a digit's first joint (3,), mm in the base receiver's frame, or its metacarpal's mean start."""
     first = joints.get(digit.joints[0])
     if first is not None and first["parent_x_mm"] is not None:
         return vector_of(first, "parent_", "_mm")
@@ -525,7 +523,8 @@ def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
 def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow], list[JointErrorsRow]]:
     """Score all skeletons and references of a hand.
 
-    A model that never used a task is the same with and without it, so only the first row of each key is kept.
+    A model that does not use a task is identical with and without it, so only the first row of each key is
+    kept.
 
     Parameters
     ----------
@@ -542,7 +541,7 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow]
     Raises
     ------
     InputError
-        Where a truth is of another recording or hand.
+        If a truth is of another recording or hand.
 
     """
     truths = _truths(plan, hand)
@@ -569,7 +568,7 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow]
 
 
 def _first_of_each(rows: Sequence[Scored], key: Sequence[str]) -> list[Scored]:
-    """The first row of each key."""
+    """Return the first row of each key."""
     first: dict[tuple[object, ...], Scored] = {}
     for row in rows:
         first.setdefault(tuple(row.get(name) for name in key), row)
@@ -577,7 +576,7 @@ def _first_of_each(rows: Sequence[Scored], key: Sequence[str]) -> list[Scored]:
 
 
 def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
-    """Truths of a hand's recordings; a missing folder is noted and costs only the columns that need it."""
+    """Read the truths of a hand's recordings; if a folder is missing, print a note and leave it out."""
     truths = {}
     for recording in plan.recordings_of(hand, "calibration", "evaluation", "both"):
         folder = recording.truth
@@ -592,7 +591,7 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
 def _score_rows(
     recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]
 ) -> Iterator[SkeletonScoresRow]:
-    """Rows of skeleton_scores of one recording: skeletons first, then the references without a model."""
+    """Yield rows of skeleton_scores of one recording: skeletons first, then references without a model."""
     for skeleton in skeletons:
         if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables cover this recording
             yield from score_skeleton(recording, skeleton)

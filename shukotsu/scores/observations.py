@@ -1,4 +1,4 @@
-"""Observations by which skeleton models are compared: one number, or the reason for its absence, per place.
+"""Observations by which skeleton models are compared: one value, or the reason why it is missing, per place.
 
 A place is a digit in a recording, or a joint of a hand.
 """
@@ -51,7 +51,7 @@ METRICS = (
     Metric("left_out_mean_mm", (PRIOR, TRUE), fitted_only=True),
     Metric("replay_mean_mm", (TRUE,)),
 )
-"""In order of importance; those that judge the skeleton come first (docs/method.md, "The columns")."""
+"""Metrics in order of importance; those that judge the skeleton are first (docs/method.md, "The columns")."""
 
 NO_NUMBER = "no such number"
 OTHER_KIND = {True: "made from this task too, not held out", False: "made without this task, not in-sample"}
@@ -69,14 +69,14 @@ class ScoredStudy:
     Attributes
     ----------
     subjects : tuple of str
-        In the order of the study's sheet.
+        Subjects in the order of the study's sheet.
     models : mapping
         Name -> model.
     layouts : mapping
         Hand -> layout.
     scores, errors, recordings : DataFrame
-        skeleton_scores, joint_errors and recordings: SCORE_COLUMNS, ERROR_COLUMNS and RECORDING_COLUMNS, with
-        the columns of METRICS in the first two.
+        Tables skeleton_scores, joint_errors and recordings, with SCORE_COLUMNS, ERROR_COLUMNS and
+        RECORDING_COLUMNS; the first two also with the columns of METRICS.
 
     """
 
@@ -88,14 +88,14 @@ class ScoredStudy:
     recordings: pd.DataFrame
 
     def taking(self, metric: Metric) -> list[str]:
-        """Names of the models to which the metric applies."""
+        """List the names of the models to which the metric applies."""
         return [
             name for name, model in self.models.items() if not metric.fitted_only or model.fitting is not None
         ]
 
 
 class Observation(NamedTuple):
-    """Value of one model in one place, or None and the reason."""
+    """Value of one model in one place, or None and the reason why it is missing."""
 
     subject: str
     model: str
@@ -108,10 +108,10 @@ class Observation(NamedTuple):
 def observations(
     study: ScoredStudy, metric: Metric, names: Collection[str], *, held_out: bool
 ) -> pd.DataFrame:
-    """Values of models and references in every place, with a reason where there is none.
+    """Collect the values of models and references in every place, with reasons for missing values.
 
-    References are made from no recording, so they count both as held out and as in-sample. A joint error is
-    held out where its skeleton has held-out scores.
+    References are not made from recordings, so that they are used both with held-out and with in-sample
+    values. A joint error is held out if its skeleton has held-out scores.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def observations(
 
 
 def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
-    """Reasons for missing values: the messages of a place's rows of the right kind, or that there is none."""
+    """Return the reason for each missing value: messages of the place's rows of the right kind, if any."""
     groups = rows.groupby(_PLACE, sort=False)
     rows = rows[groups["value"].transform("count") == 0]
     rows = rows[rows["counts"] | ~rows.groupby(_PLACE)["counts"].transform("any")]
@@ -158,7 +158,7 @@ def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
 
 
 def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
-    """Rows of skeleton_scores with place, number and kind (True: held out)."""
+    """Return the rows of skeleton_scores with place, number and kind (True: held out)."""
     scores = study.scores
     return scores.assign(
         place=_recordings(scores), number=scores[metric.name].astype(float), kind=scores["held_out"]
@@ -166,7 +166,7 @@ def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
 
 
 def _error_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
-    """Rows of joint_errors with place, number, kind and digit (the joint's name where it has no digit)."""
+    """Return rows of joint_errors with place, number, kind and digit (the joint's name if it has none)."""
     kinds = study.scores[[*_SKELETON, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
     joints = study.errors.merge(kinds, how="left", on=_SKELETON)
     digits = {
@@ -185,18 +185,18 @@ def _error_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
 
 
 def _sessions(rows: pd.DataFrame) -> pd.Series[str]:
-    """Prefix of a place's name: the session, where there is one."""
+    """Return the prefix of a place's name: the session, if there is one."""
     return ("session " + rows["session"] + ", ").where(rows["session"] != "", "")
 
 
 def _recordings(rows: pd.DataFrame) -> pd.Series[str]:
-    """Names of recordings as places."""
+    """Return the names of recordings as places."""
     trials = (", trial " + rows["trial"]).where(rows["trial"] != "", "")
     return _sessions(rows) + rows["hand"] + " hand, " + rows["task"] + trials
 
 
 def _unscored_recordings(study: ScoredStudy, names: Collection[str]) -> Iterator[Observation]:
-    """Observations of evaluated recordings without any score, with the recording's status and message."""
+    """Yield observations of evaluated recordings without scores, with the recording's status and message."""
     key = ["subject", "session", "hand", "task", "trial"]
     scored = set(study.scores[key].itertuples(index=False, name=None))
     rows = study.recordings[study.recordings["role"] != "calibration"]

@@ -1,14 +1,14 @@
 """Statistics of differences and of repeated measurements: tests, intervals, effect sizes, ICC.
 
-Paired test: the signs of the differences are flipped, exhaustively or at random, which is exact where the
+Paired test: the signs of the differences are flipped, exhaustively or at random. This is exact if the
 differences are distributed symmetrically about 0 under the null hypothesis (R. A. Fisher, The Design of
-Experiments, 1935). With random flips the data count as one of them (B. Phipson, G. K. Smyth, Stat. Appl.
-Genet. Mol. Biol. 9, 2010). The flips for n subjects form one matrix, used for all numbers of a study;
-scipy.stats.permutation_test gives the same p and takes a hundred times as long.
+Experiments, 1935). With random flips, the data themselves are included as one of them (B. Phipson, G. K.
+Smyth, Stat. Appl. Genet. Mol. Biol. 9, 2010). The flips for n subjects form one matrix that is used for all
+comparisons of a study; scipy.stats.permutation_test computes the same p but takes a hundred times as long.
 
 Interval: Student's t. Effect size: Cohen's d_z with the exact small-sample correction (L. V. Hedges, J. Educ.
-Stat. 6, 1981); the interval is that of the uncorrected size, from the noncentral t. Nothing here is corrected
-for multiple comparisons, except by `holm`.
+Stat. 6, 1981); its interval is that of the uncorrected size, from the noncentral t. Only `holm` corrects for
+multiple comparisons.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ LEVEL = 0.05
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
-    """Holm's corrected p-values.
+    """Correct p-values for multiple comparisons by Holm's method.
 
     Parameters
     ----------
     p_values : sequence of float or None
-        None stands for no test.
+        p-values; None if there was no test.
 
     Returns
     -------
     list of float or None
-        In the same order, None where there was no test.
+        Corrected p-values in the same order; None if there was no test.
 
     """
     ascending = sorted((p, index) for index, p in enumerate(p_values) if p is not None)
@@ -55,15 +55,15 @@ Interval = tuple[float, float]
 N_FLIPS = 20_000
 MOST_ENUMERATED = 14
 FEWEST_SUBJECTS = 6
-"""With fewer subjects the smallest possible p, 2 / 2^n, exceeds LEVEL."""
+"""Least number of subjects for an interval; with fewer, the smallest possible p, 2 / 2^n, exceeds LEVEL."""
 
 EQUAL = 1e-9
-"""Differences up to this, in mm or deg, are rounding errors and count as 0."""
+"""Differences up to this, in mm or deg, are rounding errors and are set to 0."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Test of a difference of means; numbers are None where there are too few values, or none that differ.
+    """Test of a difference of means; values are None if there are too few subjects or no differences.
 
     Attributes
     ----------
@@ -88,12 +88,12 @@ def paired_difference(differences: Float[Array, " n"]) -> Difference:
     Parameters
     ----------
     differences : array, shape (n,)
-        One for each subject, n >= 1.
+        One difference for each subject, n >= 1.
 
     Returns
     -------
     Difference
-        The interval needs FEWEST_SUBJECTS, the effect size 3 subjects.
+        The test; the interval requires FEWEST_SUBJECTS subjects, the effect size 3.
 
     """
     d = np.where(np.abs(differences) <= EQUAL, 0.0, differences)
@@ -108,17 +108,17 @@ def paired_difference(differences: Float[Array, " n"]) -> Difference:
 
 
 def sign_flip_p(differences: Float[Array, " n"]) -> float:
-    """Two-sided p of the mean of differences, by flipping their signs.
+    """Compute the two-sided p of the mean of differences by flipping their signs.
 
     Parameters
     ----------
     differences : array, shape (n,)
-        One for each subject.
+        One difference for each subject.
 
     Returns
     -------
     float
-        Exact for n up to MOST_ENUMERATED, otherwise from N_FLIPS random flips.
+        p; exact for n up to MOST_ENUMERATED, otherwise from N_FLIPS random flips.
 
     """
     n, rounding = len(differences), EQUAL * float(np.abs(differences).sum())
@@ -128,7 +128,7 @@ def sign_flip_p(differences: Float[Array, " n"]) -> float:
 
 
 def smallest_p(n: int) -> float:
-    """Smallest p that `sign_flip_p` can return.
+    """Return the smallest p that `sign_flip_p` can return.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def smallest_p(n: int) -> float:
     Returns
     -------
     float
-        2 / 2^n where all flips are enumerated, else that of the random ones.
+        2 / 2^n if all flips are enumerated, otherwise 1 / (1 + N_FLIPS).
 
     """
     return 2.0 / 2.0**n if n <= MOST_ENUMERATED else 1.0 / (1 + N_FLIPS)
@@ -146,7 +146,7 @@ def smallest_p(n: int) -> float:
 
 @lru_cache(maxsize=8)
 def _sign_flips(n: int) -> Array:
-    """Signs (flips, n): all combinations but their mirror images, or N_FLIPS random ones, fixed per n."""
+    """Return signs (flips, n): all combinations except mirror images, or N_FLIPS random ones, fixed per n."""
     if n > MOST_ENUMERATED:
         drawn = np.random.default_rng((n, 2)).integers(0, 2, (N_FLIPS, n))
     else:
@@ -155,7 +155,7 @@ def _sign_flips(n: int) -> Array:
 
 
 def effect_of(size: float, freedom: int, n_effective: float) -> tuple[float, Interval]:
-    """Standardised difference corrected for few subjects, with the 95 % interval of the uncorrected one.
+    """Correct a standardised difference for few subjects, and compute the uncorrected one's 95 % interval.
 
     The limits are the noncentralities at which t is the 97.5 % and the 2.5 % quantile (J. H. Steiger, R. T.
     Fouladi, in What If There Were No Significance Tests?, 1997); exact for normal data.
@@ -181,7 +181,7 @@ def effect_of(size: float, freedom: int, n_effective: float) -> tuple[float, Int
 
 
 def small_sample_correction(freedom: int) -> float:
-    """Hedges' factor J, which makes a standardised mean difference unbiased (Hedges 1981).
+    """Compute Hedges' factor J, which makes a standardised mean difference unbiased (Hedges 1981).
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def small_sample_correction(freedom: int) -> float:
 
 
 FEWEST_IN_GROUP = 4
-"""Subjects in a group below which its spread cannot be estimated."""
+"""Least number of subjects in a group for an estimate of its spread."""
 
 
 def group_difference(values: Float[Array, " n"], others: Float[Array, " m"]) -> Difference:
@@ -213,8 +213,9 @@ def group_difference(values: Float[Array, " n"], others: Float[Array, " m"]) -> 
     Returns
     -------
     Difference
-        p is Cochran's (1964): the p-values of t with n - 1 and with m - 1 degrees of freedom, averaged with
-        the groups' squared standard errors as weights. The interval is Welch's, the effect size Hedges' g.
+        The test, with Cochran's (1964) p: the mean of the p-values of t with n - 1 and with m - 1 degrees of
+        freedom, weighted by the groups' squared standard errors. The interval is Welch's, the effect size
+        Hedges' g.
 
     """
     n, m = len(values), len(others)
@@ -235,12 +236,12 @@ def group_difference(values: Float[Array, " n"], others: Float[Array, " m"]) -> 
 
 Z_95 = 1.959963984540054
 FEWEST_REPEATED = 3
-"""Subjects, each measured at least twice, below which repeatability is not stated."""
+"""Least number of subjects, each measured at least twice, for which repeatability is stated."""
 
 
 @dataclass(frozen=True)
 class Icc:
-    """Intraclass correlation and its 95 % interval; NaN where all values are equal."""
+    """Intraclass correlation and its 95 % interval; NaN if all values are equal."""
 
     value: float
     interval: Interval
@@ -272,12 +273,12 @@ class Reliability:
 
     @property
     def mdc(self) -> float:
-        """Minimal detectable change of a subject between two sessions at 95 %, in the unit of the values."""
+        """Minimal detectable change between two sessions of a subject at 95 %, in the unit of the values."""
         return Z_95 * math.sqrt(2.0) * self.sem
 
 
 def reliability(values: Float[Array, "n k"]) -> Reliability:
-    """Repeatability of values over sessions, from the two-way analysis of variance.
+    """Compute the repeatability of values over sessions from the two-way analysis of variance.
 
     Parameters
     ----------
@@ -308,7 +309,7 @@ def reliability(values: Float[Array, "n k"]) -> Reliability:
 
 
 def mean_squares(values: Float[Array, "n k"]) -> tuple[float, float, float]:
-    """Mean squares of a two-way table without replication.
+    """Compute the mean squares of a two-way table without replication.
 
     Parameters
     ----------
@@ -333,9 +334,9 @@ def mean_squares(values: Float[Array, "n k"]) -> tuple[float, float, float]:
 
 
 def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: float) -> Icc:
-    """ICC(2,1), with degrees of freedom of its interval after F. E. Satterthwaite.
+    """Compute ICC(2,1), with Satterthwaite's degrees of freedom for its interval.
 
-    Where the residual is zero they are those of the sessions: a shift shared by all subjects counts as
+    If the residual is zero, they are those of the sessions, as a shift shared by all subjects is
     disagreement.
     """
     spread = of_subjects + (k - 1) * rest + k * (of_sessions - rest) / n
@@ -360,7 +361,7 @@ def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: flo
 
 
 def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
-    """ICC(3,1) and its interval."""
+    """Compute ICC(3,1) and its interval."""
     if rest <= 0:
         return _undefined_icc(of_subjects, rest)
     ratio, freedom, share = of_subjects / rest, (n - 1) * (k - 1), 1 - LEVEL / 2
@@ -369,11 +370,11 @@ def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
 
 
 def _undefined_icc(of_subjects: float, rest: float) -> Icc:
-    """1 where sessions repeat exactly; NaN where all values are equal."""
+    """Return 1 if sessions repeat exactly, NaN if all values are equal."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))
 
 
 def _f(share: float, freedom: float, other: float) -> float:
-    """Quantile of Fisher's F distribution."""
+    """Return a quantile of Fisher's F distribution."""
     return float(fdtri(freedom, other, share))

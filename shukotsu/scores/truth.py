@@ -1,6 +1,4 @@
-"""Truth of a simulated recording, and the errors of joints and bones against it (docs/method.md, "Against the
-truth").
-"""
+"""Truth of a simulated recording, and errors of joints and bones (docs/method.md, "Against the truth")."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 OTHER_MM = 0.5
 """Median discrepancy of tip-to-receiver distances above which a truth is of another recording.
 
-For the recording's own truth the distances agree to rounding.
+For the right truth the distances agree to rounding.
 """
 
 DISTAL = np.array([1.0, 0.0, 0.0])
@@ -59,7 +57,7 @@ class TrueDigit:
     tip_mm : array, shape (T, 3)
         Tip of the distal bone, mm.
     to_receiver_mm : array, shape (T,)
-        Distance from the tip to the distal receiver as recorded, mm; NaN where that was lost.
+        Distance from the tip to the distal receiver as recorded, mm; NaN if the receiver's pose was lost.
     metacarpal : array, shape (T, 3)
         Unit direction of the metacarpal.
     metacarpal_mm : float
@@ -94,8 +92,7 @@ class RecordingTruth:
     stated: Stated
 
     def digits(self, poses: Poses, tip_of: Mapping[str, str]) -> dict[str, TrueDigit]:
-        """Truth of every digit, with frames numbered as in the recording, which may count from another
-        number.
+        """Read the truth of every digit, with frames numbered as in the recording.
 
         Parameters
         ----------
@@ -107,12 +104,12 @@ class RecordingTruth:
         Returns
         -------
         dict
-            Digit -> TrueDigit; empty where there is no truth or no valid pose.
+            Digit -> TrueDigit; empty if there is no truth or no valid pose.
 
         Raises
         ------
         InputError
-            Where the truth cannot be read or is of another recording.
+            If the truth cannot be read or is of another recording.
 
         """
         of_digit = _digits(self.folder)
@@ -125,8 +122,8 @@ class RecordingTruth:
         shift = min(off_mm, key=lambda shift: off_mm[shift])
         if off_mm[shift] > OTHER_MM:
             raise InputError(
-                f"{self.folder}: is not the truth of this recording of {self.name}, whose receivers are not "
-                "where it says that they were recorded; simulate the recording and its truth again"
+                f"{self.folder}: is not the truth of this recording of {self.name}: receivers' positions "
+                "differ from the recorded ones; simulate the recording and its truth again"
             )
         return {digit: replace(true, frame=true.frame + shift) for digit, true in of_digit.items()}
 
@@ -149,7 +146,7 @@ def read_truth(folder: Path, name: RecordingName) -> RecordingTruth:
     Raises
     ------
     InputError
-        Where a table cannot be read or is of another hand.
+        If a table cannot be read or is of another hand.
 
     """
     joints, bones = _rows(folder, JOINT_CENTRES, name), _rows(folder, BONE_LENGTHS, name)
@@ -158,7 +155,7 @@ def read_truth(folder: Path, name: RecordingName) -> RecordingTruth:
 
 
 def _rows(folder: Path, table: Table, name: RecordingName) -> list[Any]:
-    """Rows of one truth table; InputError where they are of another hand than the recording."""
+    """Read the rows of one truth table; raise InputError if they are not of the recording's hand."""
     path = folder / f"{table.name}.parquet"
     with reading_what_was_brought():
         rows = list(rows_of(read_table(path, table)))
@@ -168,7 +165,7 @@ def _rows(folder: Path, table: Table, name: RecordingName) -> list[Any]:
 
 
 def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> Array:
-    """Values at the frames wanted.
+    """Look up values by frame number.
 
     Parameters
     ----------
@@ -182,7 +179,7 @@ def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[
     Returns
     -------
     array, shape (N, ...)
-        NaN where a wanted frame is not among `frames`.
+        Values; NaN for wanted frames that are not in `frames`.
 
     """
     if np.array_equal(frames, wanted):
@@ -196,7 +193,7 @@ def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[
 
 
 def directions(quaternion: Array) -> Array:
-    """Directions of bones.
+    """Compute the directions of bones.
 
     Parameters
     ----------
@@ -213,7 +210,7 @@ def directions(quaternion: Array) -> Array:
 
 
 def _digits(folder: Path) -> dict[str, TrueDigit]:
-    """Truth of the digits that both tips and metacarpals have."""
+    """Read the truth of the digits that are in both tables, tips and metacarpals."""
     tips = _by_digit(folder, TIPS, ("frame", *TIP, "error_mm"))
     metacarpals = _by_digit(folder, METACARPALS, ("frame", *QUATERNION, "length_mm"))
     digits = {}
@@ -226,17 +223,16 @@ def _digits(folder: Path) -> dict[str, TrueDigit]:
 
 
 def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
-    """Columns of a truth table as arrays (T, C), by digit."""
+    """Read columns of a truth table as arrays (T, C), by digit."""
     with reading_what_was_brought():
         rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
     return numbers_by_name(rows, "digit", columns)
 
 
 def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:
-    """Median absolute difference between tip-to-receiver distances as recorded and as in the truth; inf
-    without a frame.
+    """Compute the median absolute difference, mm, between recorded and true tip-to-receiver distances.
 
-    shift : added to the frame numbers of the truth.
+    shift : added to the frame numbers of the truth. Return inf if they have no frame in common.
     """
     off = [np.empty(0)]
     for digit, true in of_digit.items():
@@ -252,19 +248,19 @@ def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str
 
 
 def truth_for(tasks: Sequence[str], truths: Sequence[RecordingTruth]) -> Stated | None:
-    """Reference for a skeleton: true joints averaged over its calibration recordings.
+    """Return the reference for a skeleton: true joints averaged over its calibration recordings.
 
     Parameters
     ----------
     tasks : sequence of str
-        Tasks that the skeleton was calibrated on.
+        Tasks on which the skeleton was calibrated.
     truths : sequence of RecordingTruth
         Truths of the hand's recordings.
 
     Returns
     -------
     Stated or None
-        Averaged over all truths where no calibration recording has one; None where there is no truth.
+        The reference, averaged over all truths if no calibration recording has one; None without any truth.
 
     """
     stated = [truth.stated for truth in truths if truth.name.task in tasks]
@@ -279,7 +275,7 @@ def truth_for(tasks: Sequence[str], truths: Sequence[RecordingTruth]) -> Stated 
 
 
 def _average_rows(rows: Sequence[JointCentresRow]) -> JointCentresRow:
-    """One joint's rows of several recordings as one: centres and axes averaged, weighted by frames."""
+    """Average one joint's rows over several recordings: centres and axes, weighted by frames."""
     frames = [row["n_frames"] for row in rows]
     mean: JointCentresRow = {**rows[0]}
     for side in ("parent_", "child_"):
@@ -292,7 +288,7 @@ def _average_rows(rows: Sequence[JointCentresRow]) -> JointCentresRow:
 
 
 def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[JointErrorsRow]:
-    """Errors of every joint between two receivers whose truth is available.
+    """Compute the errors of every joint between two receivers whose truth is available.
 
     Parameters
     ----------
@@ -318,11 +314,11 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[JointErr
             row |= centre_errors(estimated, true)
         bone, true_bone = stated.bones.get(joint.child), truth.bones.get(joint.child)
         length = None if true_bone is None else true_bone["length_mm"]
-        # a bone that starts at the wrist, or ends at the distal receiver, is not the bone itself
+        # a row that starts at the wrist or ends at the distal receiver does not span the bone itself
         stated_mm = None
         if bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER:
             ends = (stated.joints.get(end, {}) for end in (bone["starts_at"], bone["ends_at"]))
-            if all(end.get("reason") != NOT_WORN for end in ends):  # else anatomy's alone
+            if all(end.get("reason") != NOT_WORN for end in ends):  # otherwise only anatomy states it
                 stated_mm = bone["length_mm"]
         if stated_mm is not None and length is not None:
             off_mm = float(stated_mm) - length
@@ -332,7 +328,7 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[JointErr
 
 
 def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> JointErrorsRow:
-    """Errors of one joint centre and axis; each half is held against its own covariance.
+    """Compute the errors of one joint centre and axis, each half compared with its own covariance.
 
     Parameters
     ----------
@@ -351,7 +347,7 @@ def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Join
     )
     axis, estimated_axis = (vector_of(row, "axis_child_") for row in (true, estimated))
     turned = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
-    axis_deg = float(np.degrees(np.arctan2(*turned)))  # whichever way they point
+    axis_deg = float(np.degrees(np.arctan2(*turned)))  # independent of the axes' signs
     sd_mm = estimated["sd_mm"]
     stated: list[bool | None] = [None, None]
     if sd_mm is not None:

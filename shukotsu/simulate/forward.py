@@ -1,6 +1,4 @@
-"""Forward kinematics of the simulated hand: from joint angles to the pose of every bone, for all frames at
-once.
-"""
+"""Forward kinematics of the simulated hand: poses of all bones from joint angles, for all frames at once."""
 
 from __future__ import annotations
 
@@ -24,7 +22,7 @@ from shukotsu.simulate.realism import Realism
 
 
 def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> Array:
-    """Joint angles that follow from voluntary flexion and abduction by the hand's couplings.
+    """Compute joint angles from voluntary flexion and abduction and the hand's couplings.
 
     Parameters
     ----------
@@ -62,7 +60,7 @@ def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> 
 
 
 def relaxed_angles(hand: RandomHand, realism: Realism) -> Array:
-    """Joint angles (J, 3) of the relaxed hand: flexion, abduction and axial rotation, rad."""
+    """Return the joint angles (J, 3) of the relaxed hand: flexion, abduction and axial rotation, rad."""
     voluntary = np.zeros((1, len(JOINTS), 3))
     voluntary[0, :, FLEXION] = hand.relaxed_rad
     return np.asarray(coupled_angles(voluntary, hand, realism)[0])
@@ -71,7 +69,7 @@ def relaxed_angles(hand: RandomHand, realism: Realism) -> Array:
 def bone_poses(
     hand: RandomHand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
 ) -> tuple[Array, Array]:
-    """Poses of all bones.
+    """Compute the poses of all bones.
 
     Parameters
     ----------
@@ -82,7 +80,7 @@ def bone_poses(
     root_position_mm : array, shape (T, 3)
         Wrist centre in the transmitter frame, mm.
     root_quaternion : array, shape (T, 4)
-        Forearm, unit quaternions (w, x, y, z), forearm to transmitter frame.
+        Unit quaternions (w, x, y, z), forearm to transmitter frame.
 
     Returns
     -------
@@ -116,7 +114,7 @@ def bone_poses(
 
 
 def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
-    """Poses of all bones in the hand's frame: the wrist does not move.
+    """Compute the poses of all bones in the hand's frame, with the wrist fixed.
 
     Parameters
     ----------
@@ -128,7 +126,7 @@ def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
     Returns
     -------
     tuple of array
-        Positions, mm, and rotations, shaped as those of `bone_poses`.
+        Positions, mm, and rotations, with shapes as in `bone_poses`.
 
     """
     n_frames = len(angles_rad)
@@ -138,7 +136,7 @@ def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
 
 
 def flexion_axis(hand: RandomHand, joint: int, angles_rad: Array, bone_quaternion: Array) -> Array:
-    """Flexion axis of a joint in the transmitter frame, carried by abduction where that axis comes first.
+    """Compute a joint's flexion axis in the transmitter frame, which abduction carries if it comes first.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Receivers on the bones, and the skin motion under them; sizes are those of `hand.drawn_hands`.
 
-The law of skin motion here lies outside every estimator's model, so no estimator is tested against its own
+The law of skin motion differs from that of every estimator, so that no estimator is tested against its own
 assumption.
 """
 
@@ -21,21 +21,21 @@ from shukotsu.simulate.task_motion import RATE_HZ, TaskMotion
 from shukotsu.simulate.tracker_errors import turn_poses
 
 FIRST_WORN = 2
-"""Index of the first bone of a digit; forearm and hand come before it."""
+"""Index of the first bone of a digit in BONES, after forearm and hand."""
 
 _RECEIVER_HALF_MM = float(np.mean(drawn.RECEIVER_HALF_MM))
 
 
 @dataclass(frozen=True)
 class Mounts:
-    """Places of S receivers on the skin of the relaxed hand.
+    """Positions and orientations of S receivers on the skin of the relaxed hand.
 
     Attributes
     ----------
     segments : tuple of str
-        Names of the bones that carry receivers.
+        Bones that carry receivers.
     bone : array of int, shape (S,)
-        Their indices in BONES.
+        Indices of these bones in BONES.
     position_mm : array, shape (S, 3)
         Receiver origins in the bone frames, mm.
     quaternion : array, shape (S, 4)
@@ -49,7 +49,7 @@ class Mounts:
     quaternion: Array
 
     def poses(self, bone_position_mm: Array, bone_quaternion: Array) -> tuple[Array, Array]:
-        """Poses of receivers that are fixed to bones.
+        """Compute the poses of receivers that are fixed to bones.
 
         Parameters
         ----------
@@ -80,12 +80,12 @@ def mounts_of(
     realism: Realism,
     session: str = "",
 ) -> Mounts:
-    """Draw where a subject's receivers sit: mid-bone or on the nail, misplaced at random and partly by habit.
+    """Draw the receiver placement: mid-bone or on the nail, misplaced at random and partly by habit.
 
     Parameters
     ----------
     subject, side, session : str
-        Whose hand; receivers are placed anew in every session.
+        Subject, right or left, and session; receivers are placed anew in every session.
     seed : int
         Seed of the simulation.
     hand : RandomHand
@@ -98,7 +98,7 @@ def mounts_of(
     Returns
     -------
     Mounts
-        Of the S segments.
+        Placement of the S receivers.
 
     """
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
@@ -133,7 +133,7 @@ def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
 
 
 def _nominal_mm(bone: str, hand: RandomHand) -> tuple[float, float, float]:
-    """Nominal position (3,) of a bone's receiver in the bone frame, mm."""
+    """Return the nominal position (3,) of a bone's receiver in the bone frame, mm."""
     if bone == "hand":
         return drawn.HAND_MOUNT_MM
     if bone == "forearm":
@@ -148,13 +148,13 @@ def _nominal_mm(bone: str, hand: RandomHand) -> tuple[float, float, float]:
 
 
 def _on_nail(bone: str) -> bool:
-    """Whether the bone's receiver sits on the nail."""
+    """Return whether the bone's receiver sits on the nail."""
     return bone.endswith("_distal")
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Skin of a hand: which joints move each of S receivers, and how loosely it sits.
+    """Skin of a hand: which joints move each of S receivers, and how loose the skin is there.
 
     Attributes
     ----------
@@ -165,12 +165,11 @@ class Skin:
     present : array of bool, shape (S, 2)
         Whether there is such a joint.
     looseness : array, shape (S,)
-        Skin motion relative to a typical receiver; includes scale.
+        Skin motion relative to a typical receiver, including `scale`.
     scale : float
         Scale of skin motion.
     thumb_place_lag, thumb_turn_lag : float
-        Shares of the CMC motion by which the thumb metacarpal's receiver falls short in position and
-        rotation.
+        Shares of the CMC motion by which the thumb metacarpal's receiver lags in position and rotation.
 
     """
 
@@ -194,7 +193,7 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
     Parameters
     ----------
     subject, side : str
-        Whose hand.
+        Subject, and right or left.
     seed : int
         Seed of the simulation.
     segments : tuple of str
@@ -205,7 +204,7 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
     Returns
     -------
     Skin
-        Of the S segments.
+        Skin under the S receivers.
 
     """
     rng = generator(seed, "skin", subject, side)
@@ -213,7 +212,7 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
     turn_lag = place_lag + rng.uniform(*drawn.THUMB_TURN_FURTHER)
     lags = (min(0.9, scale * lag) for lag in (place_lag, turn_lag))
     bone = np.array([BONES.index(segment) for segment in segments])
-    # the hand bone has several joints at its far end, none near its receiver: only the wrist moves its skin
+    # several joints are at the distal end of the hand, far from its receiver: only the wrist moves its skin
     after = [np.flatnonzero(carrying == PARENT) for carrying in bone]
     joint = np.array(
         [(b - 1, ends[0] if len(ends) == 1 else -1) for b, ends in zip(bone, after, strict=True)]
@@ -233,14 +232,14 @@ def on_skin(
     bones: tuple[Array, Array],
     skin: Skin,
 ) -> tuple[Array, Array]:
-    """Poses of receivers before skin motion; the thumb metacarpal's receiver lags behind the CMC joint.
+    """Compute receiver poses before skin motion; the thumb metacarpal's receiver lags behind the CMC joint.
 
     Parameters
     ----------
     hand : RandomHand
         The hand.
     mounts : Mounts
-        Places of the receivers.
+        Placement of the receivers.
     motion : TaskMotion
         Joint angles and arm over T frames.
     relaxed_rad : array, shape (J, 3)
@@ -263,7 +262,7 @@ def on_skin(
         receiver, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
 
         def lagging_poses(lag: float) -> tuple[Array, Array]:
-            """Receivers where the thumb's CMC falls short of its motion by this share."""
+            """Return receiver poses if the thumb's CMC motion is reduced by this share."""
             angles_rad = motion.angles_rad.copy()
             angles_rad[:, cmc] -= lag * (angles_rad[:, cmc] - relaxed_rad[cmc])
             return mounts.poses(*bone_poses(hand, angles_rad, motion.wrist_mm, motion.forearm))
@@ -293,7 +292,7 @@ def displace(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: A
 
 
 def lag_signal(signal: Array, lag_s: float) -> Array:
-    """Exponential moving average of signals that were 0 before their start, computed by FFT.
+    """Compute the exponential moving average, by FFT, of signals that were 0 before their start.
 
     Parameters
     ----------
@@ -305,7 +304,7 @@ def lag_signal(signal: Array, lag_s: float) -> Array:
     Returns
     -------
     array, shape (T, N)
-        The averages.
+        Averages.
 
     """
     keep = np.exp(-1.0 / (lag_s * RATE_HZ))
@@ -322,9 +321,9 @@ def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the numbers.
+        Random generator.
     n_frames, n_receivers : int
-        Frames T and receivers S.
+        Numbers of frames T and receivers S.
 
     Returns
     -------
@@ -342,8 +341,7 @@ def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
 def saturating(
     angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Skin motion relative to the relaxed hand: saturating and partly delayed with flexion, plus a slow
-    drift.
+    """Compute skin motion that saturates with flexion and is partly delayed, plus a slow drift.
 
     Parameters
     ----------
@@ -352,9 +350,9 @@ def saturating(
     skin : Skin
         Skin of the hand.
     of_hand : Generator
-        Draws what all recordings of the hand share.
+        Random generator of what all recordings of the hand share.
     of_recording : Generator
-        Draws the drift of this recording.
+        Random generator of the drift in this recording.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Bones, joints and axes of a simulated subject's hand.
 
 Every bone has a frame with its origin at the centre of the proximal joint: x along the bone distally, z
-dorsal, and y close to the joint's flexion axis in the source hand that the person is drawn around; the
-person's own axis is tilted against it. Positive flexion turns x towards the palm. The hand's frame has its
+dorsal, and y close to the joint's flexion axis in the source hand around which the person is drawn. The
+person's axis is tilted relative to it. Positive flexion turns x towards the palm. The hand's frame has its
 origin at the wrist centre. In a right hand y points towards the thumb; a left hand is the mirror image.
 
 The source hands and the variation between people are in `shukotsu.hand.drawn_hands`.
@@ -24,7 +24,7 @@ from shukotsu.simulate.realism import Realism, generator
 DIGITS = tuple(CT)
 FINGERS = DIGITS[1:]
 
-# Joint j moves bone j + 1. Joints are ordered in levels outward from the body; a level is posed at once.
+# Joint j moves bone j + 1. Joints are in levels outward from the body; a level is posed in one operation.
 JOINTS = (
     "wrist",
     *(f"{digit}_cmc" for digit in DIGITS),
@@ -52,7 +52,7 @@ FINGER_CMC = np.array([JOINTS.index(f"{digit}_cmc") for digit in FINGERS])
 TIP_BONES = np.array([BONES.index(f"{digit}_distal") for digit in DIGITS])
 
 OPEN_DEG = {"mcp": 12.0, "pip": 14.0, "dip": 6.0}
-"""Flexion of the finger joints of the open hand, from which every movement starts."""
+"""Flexion of the finger joints in the open hand, in which every movement starts."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,10 @@ class RandomHand:
 
 @dataclass(frozen=True)
 class _Straight:
-    """A person's hand at neutral, in the hand's frame; shapes as in `RandomHand`.
+    """A person's hand at neutral, in the hand's frame; other attributes as in `RandomHand`.
 
     centres_mm : (B, 2, 3) ends of every bone. facing : (J, 3) flexion axes without tilt, which orient the
-    bone frames. second_axis : (3,) of the thumb's CMC, which carries the first.
+    bone frames. second_axis : (3,) second axis of the thumb's CMC joint, which carries the first.
     """
 
     centres_mm: Array
@@ -127,7 +127,7 @@ class _Straight:
     scale: float
 
     def mirrored(self) -> _Straight:
-        """Mirror image, a left hand: points change the sign of y, axes (pseudo-vectors) those of x and z."""
+        """Return the mirror image: points change the sign of y, axes (pseudo-vectors) those of x and z."""
         axis = np.array([-1.0, 1.0, -1.0])
         return replace(
             self,
@@ -142,12 +142,12 @@ class _Straight:
 def hand_of(subject: str, side: str, seed: int, realism: Realism) -> RandomHand:
     """Draw the hand of a subject.
 
-    A hand in which one digit's bones run through another's is drawn again, as another person.
+    A hand in which bones of different digits intersect is replaced by that of another person.
 
     Parameters
     ----------
     subject, side : str
-        Whose hand.
+        Subject, and right or left.
     seed : int
         Seed of the simulation.
     realism : Realism
@@ -166,7 +166,7 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> RandomHand:
 
 
 def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
-    """Draw the hand of a name at neutral, as a right hand, plausible or not."""
+    """Draw a subject's hand at neutral, as a right hand, whether it is plausible or not."""
     average = SOURCES.get(realism.anatomy)
     if average is None:  # an individual blend of the sources
         weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
@@ -194,7 +194,7 @@ def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight
 
 
 def _possible(straight: _Straight) -> bool:
-    """Whether metacarpals and, in the open hand, fingers lie side by side without crossing (right hand)."""
+    """Return whether metacarpals and, in the open hand, fingers do not cross (right hand)."""
     lines = np.zeros((len(FINGERS), 4, 12, 3))  # finger, bone, from its base to its end
     for finger, digit in enumerate(FINGERS):
         joints, turn = _chain(digit), np.array([1.0, 0.0, 0.0, 0.0])
@@ -221,17 +221,17 @@ def _possible(straight: _Straight) -> bool:
 
 
 def _clipped_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Standard normal numbers clipped at 2.2 sd, so that no bone is implausibly short or long."""
+    """Draw standard normal numbers clipped at 2.2 sd, so that no bone is implausibly short or long."""
     return np.clip(rng.standard_normal(shape), -2.2, 2.2)
 
 
 def _chain(digit: str) -> list[int]:
-    """Indices of a digit's joints from the base outward."""
+    """Return the indices of a digit's joints from the base outward."""
     return [j for j, joint in enumerate(JOINTS) if joint.startswith(f"{digit}_")]
 
 
 def _centres_mm(rng: np.random.Generator, average: DrawnHand, lengths_mm: Array, scale: float) -> Array:
-    """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3) mm, proximal then distal."""
+    """Draw the ends (B, 2, 3), proximal then distal, of a right hand's bones at neutral, mm in its frame."""
     centres = np.zeros((len(BONES), 2, 3))
     for digit, drawn_digit in average.items():
         base_sd_mm = drawn.THUMB_BASE_SD_MM if digit == "thumb" else drawn.BASE_SD_MM
@@ -250,9 +250,7 @@ def _centres_mm(rng: np.random.Generator, average: DrawnHand, lengths_mm: Array,
 def _flexion_axes(
     rng: np.random.Generator, average: DrawnHand, centres_mm: Array, realism: Realism
 ) -> tuple[Array, Array]:
-    """Flexion axes (J, 3) at neutral, right hand, in the hand's frame: tilted, and those that orient the
-    bones.
-    """
+    """Draw flexion axes (J, 3) of a right hand at neutral; return them with tilt and without."""
     axes = np.zeros((len(JOINTS), 3))
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit, drawn_digit in average.items():
@@ -272,13 +270,13 @@ def _flexion_axes(
 
 
 def _perpendicular(vector: Array, to: Array) -> Array:
-    """Unit vector: the component of `vector` (3,) perpendicular to `to` (3,)."""
+    """Return the unit vector along the component of `vector` (3,) perpendicular to `to` (3,)."""
     along = rotations.unit(to)
     return rotations.unit(vector - (vector @ along) * along)
 
 
 def _coupling(rng: np.random.Generator) -> Array:
-    """Involuntary motion (J, 4) of the joints, see `RandomHand`."""
+    """Draw the involuntary motion (J, 4) of the joints (`RandomHand.coupling`)."""
     numbers = _clipped_normal(rng, (len(JOINTS), 4))
     coupling = np.zeros((len(JOINTS), 4))
     for j, joint in enumerate(JOINTS):
@@ -294,7 +292,7 @@ def _coupling(rng: np.random.Generator) -> Array:
 
 
 def _relaxed_rad(rng: np.random.Generator) -> Array:
-    """Flexion (J,) of the relaxed hand: 0 for wrist and palm, drawn for every other joint."""
+    """Draw the flexion (J,), rad, of the relaxed hand: 0 for wrist and palm."""
     relaxed = np.zeros(len(JOINTS))
     for j, joint in enumerate(JOINTS):
         digit, _, kind = joint.partition("_")
@@ -305,9 +303,7 @@ def _relaxed_rad(rng: np.random.Generator) -> Array:
 
 
 def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
-    """Glides (J, 2, 3) mm of the centres of a right hand, on arcs of drawn radius about the flexion axes (J,
-    3).
-    """
+    """Draw glides (J, 2, 3), mm, of a right hand's centres, on arcs about the flexion axes (J, 3)."""
     glide = np.zeros((len(JOINTS), 2, 3))
     for j, joint in enumerate(JOINTS):
         limits = drawn.GLIDE_MM.get(joint) or drawn.GLIDE_MM.get(joint.partition("_")[2])
@@ -359,7 +355,7 @@ def _assemble(side: str, straight: _Straight, realism: Realism) -> RandomHand:
 
 
 def _second_and_third_axes(side: str, frames: Array, straight: _Straight) -> tuple[Array, Array]:
-    """Abduction and axial axes (J, 3) at neutral in the hand's frame, mirrored for a left hand."""
+    """Return abduction and axial axes (J, 3) at neutral in the hand's frame, mirrored for a left hand."""
     mirror = np.array([-1.0, 1.0, -1.0]) if side == "left" else np.ones(3)
     sign = -1.0 if side == "left" else 1.0
     abduction, axial = sign * frames[1:, :, 2], sign * frames[1:, :, 0]

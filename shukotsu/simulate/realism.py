@@ -1,4 +1,4 @@
-"""Degree of realism of a simulated recording, and the random numbers that it is drawn from."""
+"""Degree of realism of a simulated recording, and its random generators."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from shukotsu.hand.drawn_hands import BLEND
 class Realism:
     """Switches and scales of realism; each assumption of the paper can be kept or dropped independently.
 
-    By default everything that affects a real recording, except tracker faults.
+    By default, everything that affects a real recording is simulated, except tracker faults.
 
     Attributes
     ----------
     mobile_palm : bool
         Metacarpals 4 and 5 (and, slightly, 2 and 3) move at their CMC joints.
     hinges_only : bool
-        Every joint has one fixed axis; MCP, thumb and wrist have no second one.
+        Every joint has a single fixed axis, even MCP joints, the thumb's CMC joint and the wrist.
     perpendicular_mcp : bool
         Bone frames are aligned with the flexion axes, and the MCP axis is perpendicular to the vector from
         the wrist to the MCP joint (for the thumb: CMC and MCP axes perpendicular to the metacarpal), so that
@@ -29,7 +29,7 @@ class Realism:
     glide : float
         Scale of the motion of joint centres with flexion.
     anatomy : str
-        Hands that people are drawn around, one of `shukotsu.hand.drawn_hands.ANATOMIES`.
+        Hands around which people are drawn, one of `shukotsu.hand.drawn_hands.ANATOMIES`.
     mounts : float
         Scale of the misplacement of receivers. At 0 their axes are along the bone without lateral offset, so
         that the receiver's sagittal plane (y = 0) contains the centre of the bone's proximal joint.
@@ -57,25 +57,25 @@ class Realism:
 
     @classmethod
     def exact(cls) -> Realism:
-        """All assumptions of the paper hold, to rounding errors."""
+        """Return settings for which all assumptions of the paper hold up to rounding errors."""
         return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
 
 
 def generator(seed: int, purpose: str, *names: str, session: str = "") -> np.random.Generator:
-    """Random generator of a purpose for some names; the same names give the same numbers.
+    """Return the random generator of a purpose for some names; equal names give equal numbers.
 
-    There is one stream per purpose, so that neither a switch nor a length shifts the numbers of another.
+    Each purpose has its own stream, so that a switch or the number of frames does not change other numbers.
 
     Parameters
     ----------
     seed : int
         Seed of the study.
     purpose : str
-        What the numbers are for.
+        Purpose of the numbers.
     *names : str
         Subject, hand, task and the like.
     session : str
-        Session; it does not enter the seed where it is empty.
+        Session; the seed does not depend on it if it is empty.
 
     Returns
     -------

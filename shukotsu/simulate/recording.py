@@ -1,4 +1,4 @@
-"""The simulated recording as a file: a tidy table in CSV or Parquet, as a laboratory would provide it."""
+"""Write a simulated recording as a tidy table in CSV or Parquet, as a laboratory would provide it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ENDINGS = (".parquet", ".csv")
 def check_ending(path: Path) -> None:
     """Raise InputError unless the file name ends in a format that can be written."""
     if path.suffix not in ENDINGS:
-        raise InputError(f"{path}: the ending says the format; expected {' or '.join(ENDINGS)}")
+        raise InputError(f"{path}: the file's ending determines the format; expected {' or '.join(ENDINGS)}")
 
 
 def tidy(recording: Simulated | Poses) -> pa.Table:
@@ -52,19 +52,19 @@ def tidy(recording: Simulated | Poses) -> pa.Table:
 
 
 def write_recording(path: Path, recording: Simulated | Poses) -> None:
-    """Write a recording as CSV or Parquet, whole or not at all; numbers in CSV read back exactly.
+    """Write a recording atomically as CSV or Parquet; numbers in CSV have full precision.
 
     Parameters
     ----------
     path : Path
-        File to write, its ending the format.
+        File to write; its ending determines the format.
     recording : Simulated or Poses
-        What is written.
+        Recording to write.
 
     Raises
     ------
     InputError
-        Where the ending is neither.
+        If the ending is neither .parquet nor .csv.
 
     """
     check_ending(path)

@@ -1,8 +1,8 @@
 """Simulation of one recording: the subject's hand, its motion, the tracker, and the truth.
 
-A true joint centre is the mean over the recording of the centre's position in the receiver's frame, with the
-receiver where it was on the skin; the same holds for axes and bone directions. Tracker noise and field
-distortion do not enter the truth.
+A true joint centre is the mean over the recording of the centre's position in the frame of the receiver,
+which moves on the skin; the same holds for axes and bone directions. The truth does not depend on tracker
+noise and field distortion.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class TrueJoint:
     Attributes
     ----------
     name, parent_segment, child_segment : str
-        The joint and its segments; parent_segment is empty where it carries no receiver.
+        The joint and its segments; parent_segment is empty if it carries no receiver.
     dof : int
         Degrees of freedom.
     parent_mm, child_mm : array, shape (3,)
@@ -46,7 +46,7 @@ class TrueJoint:
     range_deg : float
         Range of flexion.
     gap_mm : array, shape (T,)
-        Distance between the two halves of the centre in the recording.
+        Distance in the recording between the centres carried by the two receivers.
 
     """
 
@@ -161,7 +161,7 @@ class Truth:
 
 
 def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
-    """Points (T, 5, 3) in the transmitter frame at the distances length_mm (5,) along the distal bones."""
+    """Return points (T, 5, 3), transmitter frame, at distances length_mm (5,) along the distal bones."""
     along = np.zeros((len(DIGITS), 3))
     along[:, 0] = length_mm
     return bone_position_mm[:, TIP_BONES] + rotations.rotate(bone_quaternion[:, TIP_BONES], along)
@@ -170,14 +170,14 @@ def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) 
 def _in_receiver(
     poses: tuple[Array, Array], receiver: int, point_mm: Array, axis: Array
 ) -> tuple[Array, Array]:
-    """Mean over frames of a point and an axis, (T, 3) each, in a receiver's frame."""
+    """Return the mean over frames of a point and an axis, (T, 3) each, in a receiver's frame."""
     back = rotations.conjugate(poses[1][:, receiver])
     seen_mm = rotations.rotate(back, point_mm - poses[0][:, receiver]).mean(0)
     return seen_mm, rotations.unit(rotations.rotate(back, axis).mean(0))
 
 
 def _to_transmitter(poses: tuple[Array, Array], receiver: int, point_mm: Array) -> Array:
-    """Positions (T, 3) in the transmitter frame of a point (3,) fixed in a receiver's frame."""
+    """Return positions (T, 3), transmitter frame, of a point (3,) fixed in a receiver's frame."""
     return np.asarray(poses[0][:, receiver] + rotations.rotate(poses[1][:, receiver], point_mm))
 
 
@@ -196,7 +196,7 @@ class Simulated:
     segments : tuple of str
         Segments that carry the S receivers.
     position_mm : array, shape (T, S, 3)
-        In the transmitter frame; NaN where the tracker lost the pose.
+        Positions in the transmitter frame; NaN if the tracker lost the pose.
     quaternion : array, shape (T, S, 4)
         Unit quaternions (w, x, y, z), receiver to transmitter frame.
     truth : Truth
@@ -221,7 +221,7 @@ class Simulated:
         return self.position_mm[:, [self.segments.index(f"{digit}_distal") for digit in DIGITS]]
 
     def poses(self) -> Poses:
-        """The recording as poses; a pose that the tracker lost is not valid."""
+        """Return the recording as poses; poses that the tracker lost are not valid."""
         valid = np.asarray(np.isfinite(self.position_mm).all(-1))
         return Poses(self.segments, self.frame, self.time_s, self.position_mm, self.quaternion, valid)
 
@@ -252,7 +252,7 @@ def simulate(
     realism : Realism
         Degree of realism.
     n_frames : int, optional
-        Number of frames, 2 or more; the same script is then performed faster or slower.
+        Number of frames, 2 or more; the same movements are then faster or slower.
     forearm : bool
         Whether a receiver is worn on the forearm.
     change : callable, optional
@@ -266,7 +266,7 @@ def simulate(
     Raises
     ------
     InputError
-        Where an argument is not usable.
+        If an argument is not valid.
 
     """
     n_frames = _check_arguments(hand, task, seed, n_frames)
@@ -302,7 +302,7 @@ def simulate(
 
 
 def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> int:
-    """Number of frames of the recording; InputError where an argument is not usable."""
+    """Return the number of frames of the recording; raise InputError if an argument is not valid."""
     if hand not in ("right", "left"):
         raise InputError(f"hand {hand!r} is not known; expected right or left")
     if task not in TASK_FRAMES:
@@ -310,5 +310,5 @@ def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> i
     if seed < 0:
         raise InputError(f"seed {seed} is negative; expected 0 or more")
     if n_frames is not None and n_frames < 2:
-        raise InputError(f"{count_of(n_frames, 'frame', 'are')} no motion; expected 2 or more")
+        raise InputError(f"{count_of(n_frames, 'frame', 'are')} not enough; expected 2 or more")
     return n_frames or TASK_FRAMES[task]

@@ -1,4 +1,4 @@
-"""Tasks: a script of postures turned into joint angles over time, and the sway of the arm meanwhile.
+"""Motion during a task: joint angles over time from a script of postures, and the sway of the arm.
 
 A posture is an array (J, 2) of voluntary flexion and abduction in degrees.
 """
@@ -37,11 +37,11 @@ _CUPPING = {"index": 0.1, "middle": 0.35, "ring": 0.7, "little": 1.0}
 _ENSLAVING = (1.0, 0.35, 0.15, 0.08)
 
 
-# Postures in which the pads of thumb and finger meet: a small inverse problem, solved for all four fingers.
+# Settings for postures in which the pads of thumb and finger meet, found by inverse kinematics.
 _DISTANCE_SD_MM, _FACING_SD = 0.4, 0.8
 _STEPS, _NUDGE_DEG, _LARGEST_STEP_DEG = 25, 0.05, 12.0
 
-# joint and angle; usual value, spread, least and greatest, in degrees; the last three are the finger's
+# joint and angle; usual value, spread, minimum and maximum, deg; the last three are of the finger
 _ANGLES = (
     ("thumb_cmc", FLEXION, 26.0, 13.0, -10.0, 52.0),
     ("thumb_cmc", ABDUCTION, -12.0, 10.0, -35.0, 25.0),
@@ -82,12 +82,12 @@ def move(
     n_frames: int,
     session: str = "",
 ) -> TaskMotion:
-    """Motion of a hand during a task.
+    """Simulate the motion of a hand during a task.
 
     Parameters
     ----------
     subject, task, session : str
-        Names of the recording, which is of the hand's side.
+        Names of the recording.
     seed : int
         Seed of the simulation.
     hand : RandomHand
@@ -95,12 +95,12 @@ def move(
     realism : Realism
         Which motions are locked.
     n_frames : int
-        Number of frames T; the same script is performed faster or slower.
+        Number of frames T, which determines how fast the movements are.
 
     Returns
     -------
     TaskMotion
-        Over T frames.
+        Motion over T frames.
 
     """
     side = hand.side
@@ -124,7 +124,7 @@ def move(
 
 
 def posture(**angles_deg: float | tuple[float, float]) -> Array:
-    """Posture (J, 2) in degrees from joint names: flexion, or flexion and abduction."""
+    """Build a posture (J, 2), deg, from flexion, or flexion and abduction, by joint name."""
     posture = np.zeros((len(JOINTS), 2))
     for joint, value in angles_deg.items():
         posture[JOINTS.index(joint)] = value if isinstance(value, tuple) else (value, 0.0)
@@ -132,18 +132,18 @@ def posture(**angles_deg: float | tuple[float, float]) -> Array:
 
 
 def _fingers(joint: str, flexion_deg: float) -> Array:
-    """Posture with the same flexion of one joint in all fingers."""
+    """Return a posture with the same flexion of one joint in all fingers."""
     return posture(**{f"{digit}_{joint}": flexion_deg for digit in FINGERS})
 
 
 def rest_posture() -> Array:
-    """Posture of the open hand, from which every movement starts."""
+    """Return the posture of the open hand, in which every movement starts."""
     fingers = sum(_fingers(joint, flexion_deg) for joint, flexion_deg in OPEN_DEG.items())
     return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
 
 def _cup_posture() -> Array:
-    """Posture of the cupped palm."""
+    """Return the posture of the cupped palm."""
     return posture(**{f"{digit}_cmc": angle for digit, angle in _CUP_DEG.items()})
 
 
@@ -154,8 +154,9 @@ def _opposition(
     realism: Realism,
     n_frames: int,
 ) -> tuple[Array, Array]:
-    """Script of the thumb's pad meeting each finger's in turn: keyframes (K, J, 2) deg, relative durations (K
-    - 1,).
+    """Write the script in which the thumb's pad meets each finger's pad in turn.
+
+    Return keyframes (K, J, 2), deg, and relative durations (K - 1,).
     """
     rest = rest_posture()
     starts = np.repeat(rest[None], len(FINGERS), 0)
@@ -184,7 +185,7 @@ def _opposition(
 
 
 def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Script that moves every joint through its range, singly and together; returns as `_opposition`."""
+    """Write the script that moves joints through their ranges, singly and together; see `_opposition`."""
     hook = _fingers("pip", 72.0) + _fingers("dip", 50.0)
     fist = _fingers("mcp", 54.0) + _fingers("pip", 70.0) + _fingers("dip", 58.0)
     spread = posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
@@ -213,7 +214,7 @@ def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
-    """Variation between repetitions of a posture, (K, J, 2); small for a DIP joint that hardly moves."""
+    """Draw the variation between repetitions of a posture, (K, J, 2); small for DIP joints in opposition."""
     sd = np.full((len(JOINTS), 2), _JITTER_DEG)
     sd[:, ABDUCTION] /= 2
     sd[FINGER_CMC] = _CMC_JITTER_DEG
@@ -226,7 +227,7 @@ def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
 
 
 def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
-    """Wrist centre (T, 3) mm and forearm (T, 4), swaying by some cm and degrees, back of the hand up."""
+    """Return wrist centre (T, 3), mm, and forearm (T, 4), swaying by cm and degrees, back of the hand up."""
     away, around, roll = np.radians(rng.uniform([106.0, -20.0, -15.0], [118.0, 20.0, 15.0]))
     distal = np.array([np.cos(away), np.sin(away) * np.cos(around), np.sin(away) * np.sin(around)])
     lateral = rotations.unit(np.cross([0.0, 0.0, 1.0], distal))
@@ -244,7 +245,7 @@ def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
 
 
 def contact_postures(hand: RandomHand, starts_deg: Array, realism: Realism) -> Array:
-    """Postures in which the pads of thumb and finger meet, as far as they can (regularised Gauss-Newton).
+    """Find postures in which the pads of thumb and finger meet as well as possible, by Gauss-Newton.
 
     Parameters
     ----------
@@ -286,7 +287,7 @@ def contact_postures(hand: RandomHand, starts_deg: Array, realism: Realism) -> A
 
 
 def _misfit(hand: RandomHand, postures_deg: Array, realism: Realism) -> Array:
-    """Residuals (4, N, 6), zero at contact: distance of the pads, and their normals, over the tolerances."""
+    """Return residuals (4, N, 6), zero at contact: offset of the pads and sum of normals, over tolerances."""
     fingers, n = postures_deg.shape[:2]
     voluntary = np.radians(postures_deg.reshape(fingers * n, len(JOINTS), 2))
     padded = np.concatenate([voluntary, np.zeros((*voluntary.shape[:2], 1))], -1)

@@ -14,11 +14,11 @@ NOISE_MM, NOISE_DEG = 0.10, 0.06
 """White noise at scale 1: sd per axis of position, and of the rotation vector."""
 
 LOST_SHARE, LOST_S = 0.02, 0.2
-"""Share of a receiver's frames that are lost at scale 1, and the mean length of a burst."""
+"""Share of a receiver's frames that are lost at scale 1, and the mean duration of a burst."""
 
 FLIPPED_SHARE, FLIPPED_S = 0.003, 0.15
-"""Share of frames reported from the wrong hemisphere (all signs of the position changed), and mean burst
-length.
+"""Share of frames reported in the wrong hemisphere (all signs of the position changed), and mean duration of
+a burst.
 """
 
 SPIKE_SHARE, SPIKE_MM, SPIKE_DEG = 0.002, 30.0, 15.0
@@ -56,8 +56,7 @@ def turn_poses(quaternion: Array, rotation_vector_rad: Array) -> Array:
 
 
 def distort(position_mm: Array, quaternion: Array, seed: int, scale: float) -> tuple[Array, Array]:
-    """Distort poses by the room's field, which is smooth, static and nearly the same for neighbouring
-    receivers.
+    """Distort poses by the room's field: smooth, static and similar for neighbouring receivers.
 
     Parameters
     ----------
@@ -97,7 +96,7 @@ def noisy(
     scale : float
         Scale of NOISE_MM and NOISE_DEG.
     rng : Generator
-        Source of the noise.
+        Random generator.
 
     Returns
     -------
@@ -122,7 +121,7 @@ def faulty(
     scale : float
         Scale of the shares of faulty frames.
     rng : Generator
-        Source of the faults.
+        Random generator.
 
     Returns
     -------
@@ -150,13 +149,13 @@ def bursts(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the numbers.
+        Random generator.
     shape : tuple of int
-        Frames T and receivers S.
+        Numbers of frames T and receivers S.
     share : float
-        Share of the frames that are in a burst, about.
+        Approximate share of the frames that are in a burst.
     mean_s : float
-        Mean length of a burst.
+        Mean duration of a burst.
 
     Returns
     -------

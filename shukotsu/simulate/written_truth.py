@@ -1,18 +1,18 @@
-"""The exact truth of a simulated recording, written as tables of the contract (model "truth").
+"""Write the exact truth of a simulated recording as tables of model "truth".
 
-`joint_centres`: the mean over the recording of the centre in the receiver's frame, with the receiver where it
-was on the skin; axes likewise. The centre is the origin of the child's bone frame, which glides on the
-parent's bone. Tracker errors do not enter; `gap_rms_mm` is the gap of these centres in the recording as
-written.
+`joint_centres`: the mean over the recording of the centre in the frame of the receiver, which moves on the
+skin; axes likewise. The centre is the origin of the child's bone frame, which glides on the parent's bone.
+Centres do not depend on tracker errors; `gap_rms_mm` is the gap of these centres in the recording as written.
 
 `bone_lengths`: joint to joint in the relaxed posture; a digit's last bone ends at the tip of the bone, not at
 a receiver.
 
-`metacarpals`: length_mm is CMC to MCP; swing and twist exist only for estimates and are null.
-
-`tips`: the tip of the bone and, in extra columns, of the digit with skin and pulp. error_mm is the distance
-from the bone's tip to the distal receiver as recorded, null where that was lost; error_first_frame_mm is
+`metacarpals`: length_mm is from CMC to MCP joint; swing and twist are defined only for estimates and are
 null.
+
+`tips`: the tip of the bone and, in additional columns, of the digit with skin and pulp. error_mm is the
+distance from the bone's tip to the distal receiver as recorded, null if the receiver's pose was lost;
+error_first_frame_mm is null.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ TRUE_TIPS = replace(TIPS, columns=(*TIPS.columns, *_SKIN_TIP))
 
 
 def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> None:
-    """Write the four truth tables into a folder, named as in the contract."""
+    """Write the four truth tables into a folder, each to a file with the table's name."""
     for table, columns in (
         (JOINT_CENTRES, columns_from_rows(JOINT_CENTRES, _joint_rows(simulated))),
         (BONE_LENGTHS, columns_from_rows(BONE_LENGTHS, _bone_rows(simulated))),
@@ -60,7 +60,7 @@ def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> N
 
 
 def _joint_rows(simulated: Simulated) -> list[JointCentresRow]:
-    """Rows of joint_centres."""
+    """Build the rows of joint_centres."""
     rows = []
     for joint in simulated.truth.joints.values():
         row: JointCentresRow = {
@@ -86,13 +86,13 @@ def _joint_rows(simulated: Simulated) -> list[JointCentresRow]:
 
 
 def _keys(simulated: Simulated) -> Any:
-    """Key columns of the truth's rows."""
+    """Return the key columns of the truth's rows."""
     whose = {"subject": simulated.subject, "session": simulated.session, "hand": simulated.hand}
     return {**whose, "model": MODEL_NAME, "made_without": ""}
 
 
 def _bone_rows(simulated: Simulated) -> list[BoneLengthsRow]:
-    """Rows of bone_lengths; the vector of a bone with a receiver is in that receiver's frame."""
+    """Build the rows of bone_lengths; the vector of a bone with a receiver is in that receiver's frame."""
     rows = []
     for bone in range(BONES.index("thumb_metacarpal"), len(BONES)):
         name, length_mm = BONES[bone], float(simulated.truth.hand.length_mm[bone])
@@ -115,7 +115,7 @@ def _bone_rows(simulated: Simulated) -> list[BoneLengthsRow]:
 
 
 def _digit_columns(simulated: Simulated) -> dict[str, Any]:
-    """Key columns of a table with a row per digit and frame."""
+    """Build the key columns of a table with a row per digit and frame."""
     n_rows = len(DIGITS) * len(simulated.frame)
     keys = {**_keys(simulated), "task": simulated.task, "trial": ""}
     return {
@@ -131,7 +131,7 @@ def _by_digit(values: Array) -> Array:
 
 
 def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
-    """Columns of metacarpals."""
+    """Build the columns of metacarpals."""
     metacarpals = [BONES.index(f"{digit}_metacarpal") for digit in DIGITS]
     quaternion = _by_digit(simulated.truth.bone_quaternion[:, metacarpals])
     unknown = np.full(len(quaternion), np.nan)
@@ -146,7 +146,7 @@ def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
 
 
 def _tip_columns(simulated: Simulated) -> dict[str, Any]:
-    """Columns of tips, with the additional ones."""
+    """Build the columns of tips, including the additional ones."""
     tip, skin_tip = _by_digit(simulated.truth.tip_mm), _by_digit(simulated.truth.skin_tip_mm)
     return {
         **_digit_columns(simulated),

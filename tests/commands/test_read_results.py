@@ -75,7 +75,7 @@ def test_a_folder_has_all_subjects_tables_with_what_people_group_by(
     assert tables._recordings[0]["tempo"] == "slow"
     with pytest.raises(InputError, match=r"has no table 'joint_centers'; did you mean 'joint_centres'"):
         tables["joint_centers"]
-    with pytest.raises(InputError, match="holds no results of a study"):
+    with pytest.raises(InputError, match="has no results of a study"):
         shukotsu.read(tmp_path / "sub-01")
 
 

@@ -75,7 +75,7 @@ def test_what_cannot_be_scored_is_said_in_words(subject: PlannedSubject) -> None
         index = next(row for row in errors if row["digit"] == "index")
         assert index["mean_mm"] is None
         assert index["message"] == (
-            "the recording has no pose of index_proximal and index_middle, which the replay rides on"
+            "the recording has no pose of index_proximal and index_middle, which the replay needs"
         )
     scores = list(rows_of(read_table(folder / "skeleton_scores.parquet", SKELETON_SCORES)))
     fitted = [row for row in scores if row["model"] == "quick"]

@@ -96,7 +96,7 @@ Refused = Callable[[HandAlone], list[str]]
 REFUSALS: dict[str, tuple[Refused, str]] = {
     "a quantity that is none": (
         lambda h: [sheet(h, "measurements", "01\tright\tindex_midle\t20\t0.5")],
-        "row 2, column quantity: 'index_midle' is nothing that is measured on layout liberty16; did you mean "
+        "row 2, column quantity: 'index_midle' cannot be measured on layout liberty16; did you mean "
         "'index_middle'?",
     ),
     "a touch of no digit": (
@@ -105,14 +105,14 @@ REFUSALS: dict[str, tuple[Refused, str]] = {
     ),
     "a digit that met itself": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex")],
-        "row 2: column meets: is 'index' as column digit is; expected another digit",
+        "row 2: column meets: is 'index', as is column digit; expected another digit",
     ),
     "a touch of neither a point nor a digit": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tindex\ttip\t1\t2\t0\t\t0\t1")],
         "row 2, column y_mm: is ''; expected a number, or a cell in column meets",
     ),
     "a hand length in cm": (lambda _: ["--hand-length-mm=18"], "--hand-length-mm: is 18; expected"),
-    "a model without a fit": (lambda _: ["--model=rigid"], "model rigid fits no whole hand"),
+    "a model without a fit": (lambda _: ["--model=rigid"], "model rigid does not fit a whole hand"),
     "the other hand's poses": (lambda _: ["--hand=left"], "expected subject 01, left hand"),
 }
 
@@ -150,7 +150,7 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
     of the fit, so that what the study reads of its problems is empty.
     """
     subject = planned(tmp_path, measurements=["01\tright\tindex_midle\t20\t0.5"])
-    sentence = r"measurements\.tsv: column quantity: 'index_midle' is nothing that is measured"
+    sentence = r"measurements\.tsv: column quantity: 'index_midle' cannot be measured"
     assert subject.fit("right") == 2
     assert not list(subject.fit_folder().glob("*"))
     assert subject.fit("right", "--record-failure") == 0
@@ -167,7 +167,7 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
                 rows(subject.fit_folder("left"), name, left)
     for options, message in (
         (["--model=paper"], "has no model 'paper'; expected one of quick, rigid"),
-        (["--model=rigid"], "model rigid fits no whole hand"),
+        (["--model=rigid"], "model rigid does not fit a whole hand"),
     ):
         assert subject.fit("right", *options) == 2
         assert message in capsys.readouterr().err

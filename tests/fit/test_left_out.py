@@ -74,7 +74,7 @@ def test_rows_say_what_moved_and_what_was_left_out() -> None:
     )
     assert rows["ring_middle"]["message"] == (
         "came loose in rom, 2 at frame 99: it moved 8.0 mm and turned 6 deg on its bone; "
-        "all of its frames were used, as no joint centre is the worse for it"
+        "all of its frames were used, as this moves no joint centre by more than its error"
     )
     kinds = [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")]
     assert kinds == ["slide", "step", ""]

@@ -39,7 +39,7 @@ def test_a_recording_that_was_not_posed_is_refused(hand: SimulatedHand) -> None:
     for model, table in ((FITTED, BONE_POSES), (REPLAYED, METACARPALS)):
         hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
         reader = recording_reader(hand.plan, hand.recording, model)
-        with pytest.raises(InputError, match="no row of opposition; nothing of it could be"):
+        with pytest.raises(InputError, match="no row of opposition; no frame of it could be"):
             reader.bones(hand.poses())
 
 

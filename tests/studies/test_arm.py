@@ -34,4 +34,4 @@ def test_both_arms_are_solved_and_replayed(real_data: Path, tmp_path: Path) -> N
     file.write_text(study.file.read_text("utf-8").replace(", ".join(MODELS), MODELS[-1]), "utf-8")
     done = StudyRun(file, study.folder).snakemake("--dry-run")
     assert done.returncode == 1
-    assert "model whole-hand fits a whole hand, and layout arm is none" in done.stdout + done.stderr
+    assert "whole-hand fits a whole hand, but layout arm does not describe one" in done.stdout + done.stderr

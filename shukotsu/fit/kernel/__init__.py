@@ -1,8 +1,8 @@
-"""Compiled loops over frames, a chapter a module: forward, derivatives, elimination, posing.
+"""Compiled loops over frames: forward kinematics, derivatives, elimination and posing.
 
-Every array has its frames last, so that the inner loops run over neighbours in memory and become vector
-instructions. Names are those of `operations` and `normal_equations`, which say what is computed. m : rows of
-a branch's residuals, six of each receiver; columns of derivatives : root, then unknowns.
+All arrays have frames as their last dimension, so that inner loops access contiguous memory and are
+vectorised. Names are those of `operations` and `normal_equations`, which document the quantities. A branch
+has m rows of residuals, six per receiver; columns of derivatives are in the order root, unknowns.
 
 On paper: docs/whole-hand.md, sections 4 to 6.
 """

@@ -1,7 +1,7 @@
-"""How loops over frames are compiled, and small loops that the other modules of the kernel share.
+"""Decorators that compile loops over frames, and small loops that the other modules of the kernel share.
 
-Numba caches compiled code on disk until the file of the function changes. As a function may call others in
-another file of the kernel, the name under which it is cached ends in a digest of all of them.
+Numba caches compiled code on disk until the file of the function changes. As a function may call functions in
+another file of the kernel, the name under which it is cached ends in a digest of all these files.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _FILES = sorted(Path(__file__).parent.glob("*.py"))
 _DIGEST = hashlib.sha256(b"".join(path.read_bytes() for path in _FILES)).hexdigest()[:12]
 
 folders: dict[str, Path | None] = {}
-"""Folders in which functions' machine code is cached, by the beginning of its file's name; None where it
-cannot be.
+"""Folders in which functions' machine code is cached, by the beginning of the cache file's name; None if it
+cannot be cached.
 """
 
 
 def compiled(function: Function, signature: str | None = None) -> Function:
-    """Compile when first called, or for a signature now; cache the machine code on disk where possible.
+    """Compile on the first call, or at once for a signature; cache the machine code on disk if possible.
 
-    Code that an older kernel left in the cache is removed: it may name types that are gone, which ends the
-    process.
+    Code of an older kernel is removed from the cache, as loading it would crash the process if it refers to
+    types that no longer exist.
     """
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     stem, name = Path(function.__code__.co_filename).stem, function.__name__
@@ -42,21 +42,21 @@ def compiled(function: Function, signature: str | None = None) -> Function:
         folder = folders[cached] = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
         for index in folder.glob(f"{stem}.{name}_{'?' * len(_DIGEST)}-*.nbi"):
             if not index.name.startswith(f"{cached}-"):
-                with suppress(OSError):  # another process was first
+                with suppress(OSError):  # another process may have removed it already
                     index.unlink()
         return cast(Function, numba.njit(signature, cache=True, **options)(function))
-    except RuntimeError:  # neither this folder nor the user's cache may be written
+    except RuntimeError:  # neither this folder nor the user's cache is writable
         return cast(Function, numba.njit(signature, **options)(function))
 
 
 def inner(function: Function) -> Function:
-    """Compile for callers that are themselves compiled, whose machine code then includes this one's."""
+    """Compile a function that is called only by compiled functions, whose machine code then includes it."""
     options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast(Function, numba.njit(**options)(function))
 
 
 def inlined(function: Function) -> Function:
-    """Compile as part of each caller."""
+    """Compile a function by inlining it into each caller."""
     return cast(Function, numba.njit(inline="always", error_model="numpy")(function))
 
 
@@ -69,7 +69,7 @@ def copy(values: Array, out: Array) -> None:
     values : array, shape (n, F)
         Source.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     for i in range(len(out)):
@@ -86,7 +86,7 @@ def copy_matrices(values: Array, out: Array) -> None:
     values : array, shape (n, m, F)
         Source.
     out : array, shape (n, m, F)
-        Where the result is written.
+        Output.
 
     """
     for i in range(len(out)):
@@ -101,7 +101,7 @@ def fill(value: float, out: Array) -> None:
     value : float
         Value.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     for i in range(len(out)):
@@ -109,5 +109,5 @@ def fill(value: float, out: Array) -> None:
             out[i, f] = value
 
 
-# Compiled now: half a second of what numba then reads is shared by all forks of the warm process.
+# Compiled at import: what numba loads for it (half a second) is then shared by all forks of the warm process.
 fill = compiled(fill, "void(float64, float64[:, ::1])")

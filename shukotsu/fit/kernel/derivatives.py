@@ -1,4 +1,4 @@
-"""Residuals of receivers and their derivatives by states, root and unknowns.
+"""Residuals of receivers, and their derivatives by states, root and unknowns.
 
 On paper: docs/whole-hand.md, sections 2, 4 and 5.
 """
@@ -21,7 +21,10 @@ _NO_TURN = 1e-9
 
 
 class MeasuredPoses(NamedTuple):
-    """Poses of S receivers, valid (S, F), their sd (S, 2); turned : (S, K, 3, F) by the last K unknowns."""
+    """Measured poses of S receivers, valid (S, F), and their sd (S, 2).
+
+    turned : (S, K, 3, F) derivative of their rotation vectors by the K unknowns of the field.
+    """
 
     rotation: Array
     position_mm: Array
@@ -31,7 +34,7 @@ class MeasuredPoses(NamedTuple):
 
 
 class Objective(NamedTuple):
-    """Mean (S,) and tempered precision (B, most s, most s) of states; residuals' temper and Huber's limit."""
+    """Mean (S,) and tempered precision (B, most s, most s) of states; temper and Huber limit of residuals."""
 
     mean: Array
     precision: Array
@@ -40,7 +43,7 @@ class Objective(NamedTuple):
 
 
 class ResidualArrays(NamedTuple):
-    """r (N, 6, F), their robust weight (N, F), the cost (F,) of residuals and states' priors."""
+    """Residuals r (N, 6, F), their robust weights (N, F), and the cost (F,) of residuals and state priors."""
 
     r: Array
     weight: Array
@@ -48,7 +51,7 @@ class ResidualArrays(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Chains and measured poses at a point, with where `reach` and `residuals` put their results."""
+    """Chains and measured poses at a point, and the arrays to which `reach` and `residuals` write."""
 
     chains: FlatChains
     amounts: Amounts
@@ -60,7 +63,10 @@ class Evaluation(NamedTuple):
 
 
 class Derivatives(NamedTuple):
-    """A branch's m residuals by its states (s, m, F), and by root and unknowns, or root (6 + g, m, F)."""
+    """Derivatives of a branch's m residuals: by_states (s, m, F), by_rest (6 + g, m, F), root then unknowns.
+
+    With the unknowns fixed, by_rest is (6, m, F), by the root alone.
+    """
 
     by_states: Array
     by_rest: Array
@@ -70,9 +76,9 @@ class Derivatives(NamedTuple):
 def _residual(
     rotation: Array, position_mm: Array, seen: Array, seen_mm: Array, sd: Array, f: int, r: Array
 ) -> None:
-    """Residuals of one receiver in frame f, into r (6, F).
+    """Write the residuals of one receiver in frame f to r (6, F).
 
-    (Q^T (p - q)) / sd[0] and log(Q^T R) / sd[1], for the pose R, p of the model and Q, q as measured.
+    They are Q^T (p - q) / sd[0] and log(Q^T R) / sd[1] for the model's pose R, p and the measured one Q, q.
     """
     x = position_mm[0, f] - seen_mm[0, f]
     y = position_mm[1, f] - seen_mm[1, f]
@@ -97,9 +103,10 @@ def _residual(
 
 @compiled
 def residuals(evaluation: Evaluation) -> None:
-    """Residuals r of every receiver, zero where not valid, their robust weight, and the cost of each frame.
+    """Compute residuals r of every receiver (zero if not valid), robust weights, and the cost of each frame.
 
-    Cost: half of (y - mean)^T precision (y - mean), plus temper * rho(|r|) of every receiver, rho Huber's.
+    The cost is (y - mean)^T precision (y - mean) / 2 plus temper * rho(|r|) for every receiver, rho being
+    Huber's loss.
     """
     chains, _, at, seen, objective, reached, out = evaluation
     receivers, ranges = chains.receivers, chains.ranges
@@ -194,7 +201,7 @@ def _transform(matrix: Array, vector: Array) -> None:
 
 @inner
 def _cross(a: Array, b: Array, c: Array, out: Array) -> None:
-    """Cross product a x (b - c) of vectors (3, F)."""
+    """Compute the cross product a x (b - c) of vectors (3, F)."""
     for f in range(out.shape[1]):
         x, y, z = b[0, f] - c[0, f], b[1, f] - c[1, f], b[2, f] - c[2, f]
         out[0, f] = a[1, f] * z - a[2, f] * y
@@ -222,9 +229,9 @@ def _add_each(values: Array, factor: float, times: Array, out: Array) -> None:
 def _by_terms(
     terms: Terms, slope: Array, o: int, y: Array, by: Array, row: int, derivatives: Derivatives
 ) -> None:
-    """Add by (3, F), derivatives by the amount of operation o, to three rows of those by states and unknowns.
+    """Add three rows of derivatives by the amount of operation o, by (3, F), to those by states and unknowns.
 
-    slope : (K,) of `Amounts`.
+    slope : (K,) as in `Amounts`.
     """
     J_y, J = derivatives
     for k in range(terms.start[o], terms.start[o + 1]):
@@ -241,11 +248,11 @@ def _by_terms(
 
 @compiled
 def jacobian(evaluation: Evaluation, b: int, out: Derivatives) -> None:
-    """Compute the derivatives of branch b's residuals, with robust weights and tempering in.
+    """Compute the derivatives of branch b's residuals, with robust weights and tempering applied.
 
-    An operation with axis w at o moves a later point p by w x (p - o) and turns its frame by w if it rotates,
-    and moves it by w if not (docs/whole-hand.md, section 2); by_velocity and by_turn make residuals of both
-    (section 4).
+    A rotation with axis w at o moves a later point p by w x (p - o) and turns its frame by w; a translation
+    moves it by w (docs/whole-hand.md, section 2). by_velocity and by_turn convert both to residuals (section
+    4).
 
     Parameters
     ----------
@@ -254,7 +261,7 @@ def jacobian(evaluation: Evaluation, b: int, out: Derivatives) -> None:
     b : int
         Index of the branch.
     out : Derivatives
-        Where they are written: by s states (s, m, F), by root and g unknowns (6 + g, m, F) of m residuals.
+        Output: derivatives of m residuals by s states (s, m, F), and by root and g unknowns (6 + g, m, F).
 
     """
     chains, amounts, at, seen, objective, reached, current = evaluation

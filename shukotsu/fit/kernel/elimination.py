@@ -1,4 +1,4 @@
-"""Block elimination of states and roots from the normal equations, and the steps back to them.
+"""Block elimination of states and roots from the normal equations, and back substitution.
 
 On paper: docs/whole-hand.md, section 6.
 """
@@ -17,11 +17,11 @@ from shukotsu.fit.kernel.derivatives import Derivatives, Evaluation
 from shukotsu.fit.kernel.forward import FlatChains
 
 _SOME_ROOT = 1e-9
-"""Precision of a root that no receiver shows."""
+"""Precision that keeps the equations of a root solvable in frames in which no receiver is valid."""
 
 
 class EliminatedStates(NamedTuple):
-    """A branch's states: inverse (s, s, F), by_rest (s, columns, F) and rhs (s, F) of `Elimination`."""
+    """A branch's `Elimination` with frames last: inverse (s, s, F), by_rest (6 + g, s, F), rhs (s, F)."""
 
     inverse: Array
     by_rest: Array
@@ -29,7 +29,7 @@ class EliminatedStates(NamedTuple):
 
 
 class RootEquations(NamedTuple):
-    """Normal equations of roots: H_rr (6, 6, F), by unknowns H_xr (G, 6, F), gradient g_r (6, F)."""
+    """Normal equations of roots: H_rr (6, 6, F), mixed part with x H_xr (G, 6, F), gradient g_r (6, F)."""
 
     H_rr: Array
     H_xr: Array
@@ -38,7 +38,7 @@ class RootEquations(NamedTuple):
 
 @inner
 def _add_product(a: Array, b: Array, rows: slice, factor: float, out: Array) -> None:
-    """Add to out (F,) the factor times the sum of a[k] * b[k] over rows k; a, b : (m, F)."""
+    """Add factor * the sum of a[k] * b[k] over rows k to out (F,); a, b : (m, F)."""
     for k in range(rows.start, rows.stop):
         for f in range(len(out)):
             out[f] += factor * a[k, f] * b[k, f]
@@ -46,7 +46,7 @@ def _add_product(a: Array, b: Array, rows: slice, factor: float, out: Array) -> 
 
 @inner
 def _inverse_cholesky(A: Array, inverse: Array) -> None:
-    """Inverses of the lower Cholesky factors of A (n, n, F), whose lower triangles are overwritten."""
+    """Compute inverses of the lower Cholesky factors of A (n, n, F); lower triangles of A are overwritten."""
     n, n_frames = len(A), A.shape[2]
     for j in range(n):
         fill(0.0, inverse[j])
@@ -79,7 +79,7 @@ def by_lower(inverse: Array, B: Array, out: Array) -> None:
     B : array, shape (n, F)
         Vectors.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     fill(0.0, out)
@@ -95,7 +95,8 @@ def eliminate(
 ) -> Array:
     """Eliminate branch b's states from its normal equations (section 6).
 
-    With L L^T = J_y^T J_y + precision, damped on the diagonal, L^-1, L^-1 J_y^T J and L^-1 g_y are kept.
+    The results are L^-1, L^-1 J_y^T J and L^-1 g_y, with L L^T = J_y^T J_y + precision, damped on the
+    diagonal.
 
     Parameters
     ----------
@@ -104,16 +105,16 @@ def eliminate(
     b : int
         Index of the branch.
     derivatives : Derivatives
-        Of the branch, as `jacobian` writes them.
+        Derivatives of the branch, as `jacobian` writes them.
     damping : array, shape (F,)
         Share of the diagonal that is added to it in each frame (Marquardt).
     out : EliminatedStates
-        Where L^-1 (s, s, F), L^-1 J_y^T J (6 + g, s, F) and L^-1 g_y (s, F) are written.
+        Output: L^-1 (s, s, F), L^-1 J_y^T J (6 + g, s, F) and L^-1 g_y (s, F).
 
     Returns
     -------
     array, shape (m, F)
-        Residuals of the branch, with robust weights and tempering in.
+        Residuals of the branch, with robust weights and tempering applied.
 
     """
     chains, _, at, _, objective, _, current = evaluation
@@ -164,7 +165,7 @@ def eliminate(
 def add_to_root(
     chains: FlatChains, b: int, J: Array, r: Array, part: EliminatedStates, root: RootEquations
 ) -> None:
-    """Add branch b, its states eliminated, to the normal equations of roots.
+    """Add branch b to the normal equations of roots after eliminating its states.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def add_to_root(
     r : array, shape (m, F)
         Weighted residuals.
     part : EliminatedStates
-        The branch as eliminated.
+        Elimination of the branch's states.
     root : RootEquations
         Normal equations of roots, changed in place.
 
@@ -212,9 +213,9 @@ def solve_root(root: RootEquations, damping: Array, inverse: Array, rhs: Array) 
     damping : array, shape (F,)
         Share of the diagonal that is added to it in each frame (Marquardt).
     inverse : array, shape (6, 6, F)
-        Where the inverse Cholesky factors are written.
+        Output: inverse Cholesky factors.
     rhs : array, shape (6, F)
-        Where they are written times the gradient.
+        Output: the same times the gradient.
 
     """
     H_rr, _, g_r = root
@@ -227,7 +228,7 @@ def solve_root(root: RootEquations, damping: Array, inverse: Array, rhs: Array) 
 
 @compiled
 def reduce_roots(root: RootEquations, damping: Array, inverse: Array, rhs: Array, by_x: Array) -> None:
-    """Eliminate the roots of all frames, and how they move with the unknowns (section 6).
+    """Eliminate the roots of all frames, including their coupling to the hand's unknowns (section 6).
 
     Parameters
     ----------
@@ -236,9 +237,9 @@ def reduce_roots(root: RootEquations, damping: Array, inverse: Array, rhs: Array
     damping : array, shape (F,)
         Share of the diagonal that is added to it in each frame (Marquardt).
     inverse, rhs : array, shape (6, 6, F) and (6, F)
-        As `solve_root` writes them.
+        Output of `solve_root`.
     by_x : array, shape (G, 6, F)
-        Where the inverse factors are written times H_xr.
+        Output: the inverse factors times H_xr.
 
     """
     solve_root(root, damping, inverse, rhs)
@@ -257,7 +258,7 @@ def by_upper(inverse: Array, B: Array, out: Array) -> None:
     B : array, shape (n, F)
         Vectors.
     out : array, shape (n, F)
-        Where the result is written.
+        Output.
 
     """
     fill(0.0, out)
@@ -269,14 +270,14 @@ def by_upper(inverse: Array, B: Array, out: Array) -> None:
 
 @compiled
 def step_states(states: npt.NDArray[np.int64], part: EliminatedStates, rest: Array, y: Array) -> None:
-    """Take the step of a branch's states that follows from the step of root and unknowns.
+    """Take the step of a branch's states that follows from a step of root and unknowns.
 
     Parameters
     ----------
     states : array of int, shape (s,)
         Indices of the branch's states.
     part : EliminatedStates
-        The branch as eliminated.
+        Elimination of the branch's states.
     rest : array, shape (6 + g, F)
         Step of the root, mm and rad, and of the unknowns.
     y : array, shape (S, F)

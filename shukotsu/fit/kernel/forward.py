@@ -1,4 +1,4 @@
-"""Forward kinematics: from the root through every operation to the marks that receivers stand on.
+"""Forward kinematics: from the root through all operations to the marks of bones and receivers.
 
 On paper: docs/whole-hand.md, section 2.
 """
@@ -19,7 +19,7 @@ ROTATE, TRANSLATE, MOVE, MARK, LEAVE, RETURN = range(6)
 
 
 class Plan(NamedTuple):
-    """Steps: kind (P,); number (P,) of the operation or mark; constant (P, 12), axis or whole pose."""
+    """P steps: kind (P,), index of the operation or mark (P,), and constant axis or pose (P, 12)."""
 
     kind: Index
     number: Index
@@ -29,8 +29,8 @@ class Plan(NamedTuple):
 class Terms(NamedTuple):
     """K terms of O operations' amounts: coefficient * x[unknown] * y[state].
 
-    start : (O + 1,) where an operation's terms begin. unknown, state : (K,) indices, -1 where the term lacks
-    it; x_column, y_column : (K,) their columns in the derivatives of their branch.
+    start : (O + 1,) index at which an operation's terms begin. unknown, state : (K,) indices, -1 for a term
+    without that factor. x_column, y_column : (K,) their columns in the derivatives of their branch.
     """
 
     start: Index
@@ -42,10 +42,11 @@ class Terms(NamedTuple):
 
 
 class Receivers(NamedTuple):
-    """N measured receivers: each one's mark in the chains and its number in the recording (N,).
+    """N measured receivers: mark in the chains (N,) and index in the recording (N,).
 
-    start : (N + 1,) where the operations begin that move a receiver, which `operation` numbers. by_state :
-    (N, most s), by_unknown : (N, most g) whether it depends on that column's state or unknown.
+    operation : indices of the operations that move the receivers; start : (N + 1,) index at which those of a
+    receiver begin. by_state : (N, most s), by_unknown : (N, most g) whether it depends on that column's state
+    or unknown.
     """
 
     mark: Index
@@ -57,9 +58,10 @@ class Receivers(NamedTuple):
 
 
 class Ranges(NamedTuple):
-    """Where each of B branches has its receivers, states and unknowns: starts (B + 1,), and what they number.
+    """Receivers, states and unknowns of all B branches, concatenated.
 
-    state : indices into y, unknown : into x.
+    receiver_start, state_start, unknown_start : (B + 1,) where each branch's part begins. state : indices
+    into y. unknown : indices into x.
     """
 
     receiver_start: Index
@@ -70,10 +72,10 @@ class Ranges(NamedTuple):
 
 
 class FlatChains(NamedTuple):
-    """Branches with O operations and M marks, numbered throughout.
+    """All branches, with O operations and M marks that are numbered consecutively.
 
-    depth : side branches within each other at most. rotates, moves : (O,) whether an operation rotates, and
-    depends on states; constant : (O,) of its amount.
+    depth : greatest nesting of side branches. rotates, moves : (O,) whether an operation rotates, and whether
+    it depends on states. constant : (O,) constant part of its amount.
     """
 
     plan: Plan
@@ -87,14 +89,14 @@ class FlatChains(NamedTuple):
 
 
 class Amounts(NamedTuple):
-    """What operations amount to: steady (O,) and so much of the state of each term more (K,)."""
+    """Amounts of operations at a given x: steady part (O,), and slope (K,) of each term by its state."""
 
     steady: Array
     slope: Array
 
 
 class BranchPoses(NamedTuple):
-    """States y (S, F) and root (3, 3, F), root_mm (3, F)."""
+    """Joint angles y (S, F) and root poses: root (3, 3, F), root_mm (3, F)."""
 
     y: Array
     root: Array
@@ -102,7 +104,7 @@ class BranchPoses(NamedTuple):
 
 
 class ReachedFrames(NamedTuple):
-    """Where chains reach: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
+    """Results of `reach`: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
 
     axis: Array
     origin_mm: Array
@@ -112,7 +114,7 @@ class ReachedFrames(NamedTuple):
 
 @inner
 def _rotate(R: Array, constant: Array, angle: Array, axis: Array) -> None:
-    """Rotate about a constant axis; axis (3, F) : give it in the root's frame."""
+    """Rotate R about a constant axis, and write that axis in the root's frame to axis (3, F)."""
     a, b, c = constant[0], constant[1], constant[2]
     n = R.shape[2]
     sine, versine = np.empty(n), np.empty(n)
@@ -132,7 +134,7 @@ def _rotate(R: Array, constant: Array, angle: Array, axis: Array) -> None:
 
 @inner
 def _translate(R: Array, t: Array, constant: Array, distance: Array, axis: Array) -> None:
-    """Translate along a constant axis; axis (3, F) : give it in the root's frame."""
+    """Translate t along a constant axis, and write that axis in the root's frame to axis (3, F)."""
     a, b, c = constant[0], constant[1], constant[2]
     for i in range(3):
         for f in range(R.shape[2]):

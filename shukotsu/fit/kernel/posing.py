@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt steps of states and roots of many frames at once, the unknowns being fixed.
+"""Levenberg-Marquardt fit of states and roots of many frames at once, with the hand's unknowns fixed.
 
 On paper: docs/whole-hand.md, sections 6 and 11.
 """
@@ -28,9 +28,10 @@ _FIRST_DAMPING, _DAMPING_STEP = 1e-3, 10.0
 
 
 class PosingBuffers(NamedTuple):
-    """Buffers in which a block of frames is posed: the point tried, derivatives of one branch, states of all.
+    """Working memory for posing a block of frames.
 
-    root_inverse (6, 6, F), root_rhs (6, F) : as in `Reduced`; d_root (6, F) : the step of roots.
+    tried : point after a step. derivatives : of one branch at a time. states : of all branches. root_inverse
+    (6, 6, F), root_rhs (6, F) : as in `Reduced`. d_root : (6, F) step of the roots.
     """
 
     tried: BranchPoses
@@ -44,7 +45,7 @@ class PosingBuffers(NamedTuple):
 
 @inlined
 def _step(now: Evaluation, damping: Array, buffers: PosingBuffers) -> None:
-    """Try the step from a point where `reach` and `residuals` were, x being fixed."""
+    """Compute the point after a step with x fixed, from one at which residuals were computed."""
     ranges, root = now.chains.ranges, buffers.root
     for i in range(6):
         fill(0.0, root.H_rr[i])
@@ -74,7 +75,7 @@ def _step(now: Evaluation, damping: Array, buffers: PosingBuffers) -> None:
 
 @inlined
 def _of_branch(states: EliminatedStates, b: int, n_states: int) -> EliminatedStates:
-    """One branch's part of the buffers for all."""
+    """Select one branch's part of the buffers for all branches."""
     return EliminatedStates(states.inverse[b, :n_states], states.by_rest[b], states.rhs[b, :n_states])
 
 
@@ -106,11 +107,11 @@ def pose(now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: Po
     plan : Plan
         Condensed plan of the chains (`condense`).
     steps : int
-        Most steps of a frame.
+        Largest number of steps.
     least_gain : float
-        Share of a frame's cost below which a step is its last.
+        Relative decrease of a frame's cost below which its iteration ends.
     buffers : PosingBuffers
-        Working memory for as many frames.
+        Working memory for these frames.
 
     """
     current, tried = now.current, buffers.tried
