@@ -1,4 +1,4 @@
-"""Read a study and its recordings as a run would; report faults, and files outside its folder."""
+"""Read a study and its recordings as a run would, and report faults and files outside its folder."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from shukotsu.tables.poses import usable_poses
 from shukotsu.workflow.study_files import StudyFiles, import_options
 
 Said = tuple[str, int, str]
-"""Name of a recording or hand, the exit code of a sentence about it, and the sentence."""
+"""Name of a recording or hand, an exit code, and a sentence about the recording or hand."""
 
 
 def check_study(path: Path) -> int:
-    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
+    """Print a summary of a study, what it reads outside its folder, and the findings on its recordings.
 
-    Return the exit code: 2 where something cannot be read or used, else 1 where something is suspect, else 0.
+    Return the exit code: 2 if something cannot be read or used, else 1 if something is suspect, else 0.
     """
     files = read_files(path)
     study = files.study
@@ -54,11 +54,14 @@ def check_study(path: Path) -> int:
 
 
 def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
-    """List what a study reads outside its folder, links followed, a sentence a folder."""
+    """Yield, for each folder outside the study's, a sentence on what the study reads there.
+
+    Symbolic links are followed.
+    """
     shipped, folder = CONFIG_FOLDER, path.resolve().parent
     read = [*map(Path, files.configuration), *(recording.source.file for recording in files.study.recordings)]
     read += [each.source.mapping for each in files.study.recordings if each.source.mapping is not None]
-    real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
+    real = {Path(os.path.realpath(each)) for each in read}  # a link to itself is kept as it is
     outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]
     ordered = sorted(outside, key=lambda each: (each.parent, each.name))
     for parent, group in groupby(ordered, attrgetter("parent")):
@@ -71,7 +74,7 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
 
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
-    """Import every recording into a temporary folder; return the findings."""
+    """Import all recordings into a temporary folder and return the findings on them."""
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
     findings: list[Said] = []
     digests: list[tuple[Recording, str]] = []
@@ -80,7 +83,7 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
         for plan in plans:
             recordings = [recording for recording in plan.recordings if not recording.exclude]
             poses = {r.key_in_session: Path(folder, f"{done + n}.parquet") for n, r in enumerate(recordings)}
-            for recording in recordings:  # as a run does, be it a table of why it cannot be read
+            for recording in recordings:  # as in a run, a table states why a recording cannot be read
                 output = io.StringIO()
                 file = poses[recording.key_in_session]
                 argv = ["--record-failure", *import_options(recording), f"--out={file}"]
@@ -100,7 +103,10 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
 
 
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[Said]:
-    """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
+    """Return the findings on a subject's recordings, and why recordings cannot be read.
+
+    Each recording is appended to `digests` with the digest of its poses.
+    """
     findings = [
         (_name(recording), 2, f"cannot be read: {reason}")
         for recording in plan.recordings

@@ -488,5 +488,5 @@ def _recordings(
         recordings.append(recording)
     if not recordings:
         reasons = "; ".join(row.message for row in unusable[:1])
-        raise InputError(f"{sheet}: has no recording; add a row a recording{reasons and f' ({reasons})'}")
+        raise InputError(f"{sheet}: has no recording; add a row for each{reasons and f' ({reasons})'}")
     return tuple(recordings), tuple(unusable)

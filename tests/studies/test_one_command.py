@@ -29,8 +29,8 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     assert "1 subject, 1 recording, 1 model" in shukotsu(folder, "check").stdout
     early = shukotsu(folder, "report")
     assert (early.returncode, early.stdout) == (2, "")
-    assert "is not there yet; run `shukotsu run study.yaml` in this folder first" in early.stderr
-    assert "is not there yet" in shukotsu(folder, "export", "--formats", "csv", "--out", "out").stderr
+    assert "does not exist yet; run `shukotsu run study.yaml` in this folder first" in early.stderr
+    assert "does not exist yet" in shukotsu(folder, "export", "--formats", "csv", "--out", "out").stderr
 
     planned = shukotsu(folder, "run", "--dry-run")
     assert planned.returncode == 0

@@ -82,7 +82,7 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
 @pytest.mark.parametrize(
     ("rows", "more", "message"),
     [
-        ((), "", "recordings.tsv: has no recording; add a row a recording"),
+        ((), "", "recordings.tsv: has no recording; add a row for each"),
         (("01 right a both a.csv", "01 right A both b.csv"), "",
          "row 3: its results would have the path of row 2; rename"),
         (("01 right a_b both a.csv", "01 right a both b.csv b"), "",
