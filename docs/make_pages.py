@@ -1,5 +1,5 @@
-"""Write what is made of the guide: tables.md, configuration.md and mistakes.md from the schemas, and the
-data flow in architecture.md (Mermaid) from the rules of the demo study.
+"""Generate parts of the guide: tables.md, configuration.md and mistakes.md from the schemas, and the diagram
+in architecture.md (Mermaid) from the rules of the demo study.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def pages() -> dict[str, str]:
 
 
 def tables_page() -> str:
-    """Return the page of tables: what a row is, its key and every column, those of many tables once."""
+    """Return the page of tables: the meaning of a row, the key and all columns; shared columns only once."""
     shared = {column.name: column for columns in shared_columns().values() for column in columns}
     lines = [
         NOTE,
@@ -78,7 +78,7 @@ def tables_page() -> str:
 
 
 def row_types() -> str:
-    """Return the stub of row types: a TypedDict a table, a key a column."""
+    """Return the stub of row types, which has a TypedDict for each table with a key for each column."""
     python = {"string": "str", "bool": "bool", "int8": "int", "int64": "int", "double": "float"}
     lines = [
         '"""Types of the rows of tables, for the type checker alone: a key a column.',
@@ -101,7 +101,7 @@ def row_types() -> str:
 
 
 def configuration_page() -> str:
-    """Return the page of configuration files and sheets: every key and every column."""
+    """Return the page of configuration files and sheets with all keys and columns."""
     lines = [
         NOTE,
         "# Configuration",
@@ -134,7 +134,7 @@ def configuration_page() -> str:
 
 
 def mistakes_page() -> str:
-    """Return the guide's page of mistakes: every kind with its cause and cure."""
+    """Return the page of mistakes: all kinds with their causes and cures."""
     lines = [
         NOTE,
         "# Mistakes that are named",
@@ -175,7 +175,7 @@ def mistakes_page() -> str:
 
 
 def _key(names: tuple[str, ...]) -> str:
-    """Format the names of a key, with a word for those that a hand or a recording has."""
+    """Format the names of a key; the keys of a hand or a recording are replaced by that word."""
     listed = ", ".join(f"`{name}`" for name in names)
     for word, key in (("recording", RECORDING_KEY), ("hand", HAND_KEY)):
         listed = listed.replace(", ".join(f"`{name}`" for name in key), f"*{word}*")
@@ -183,7 +183,7 @@ def _key(names: tuple[str, ...]) -> str:
 
 
 def _rows(columns: Iterable[Column]) -> Iterator[str]:
-    """Format a line a column; neighbours that are parts of a vector, quaternion or matrix share a line."""
+    """Format a line for each column; successive parts of a vector, quaternion or matrix share a line."""
 
     def whole(column: Column) -> tuple[str, str]:
         return re.sub(r", (row \w column )?[wxyz]$", "", column.description), _type(column)
@@ -193,14 +193,14 @@ def _rows(columns: Iterable[Column]) -> Iterator[str]:
 
 
 def _linked(text: str) -> str:
-    """Format a meaning as Markdown: pages of the guide are links, and would-be marks stand as they are."""
+    """Format a meaning as Markdown: link pages of the guide, and escape characters that would be markup."""
     parts = text.split("`")
     parts[::2] = [part.replace("<", "&lt;").replace("*", "\\*") for part in parts[::2]]
     return re.sub(r"docs/([\w-]+)\.md", r"[\1](\1.md)", "`".join(parts))
 
 
 def _joined(names: list[str]) -> str:
-    """Format names that differ in a part as a single name: x_mm, y_mm, z_mm are {x,y,z}_mm."""
+    """Format names that differ in one part as a single name: x_mm, y_mm, z_mm become {x,y,z}_mm."""
     if len(names) == 1:
         return names[0]
     start, end = _alike(names), _alike([name[::-1] for name in names])
@@ -209,12 +209,12 @@ def _joined(names: list[str]) -> str:
 
 
 def _alike(names: list[str]) -> int:
-    """Count the letters that all names begin with alike."""
+    """Return the length of the beginning that all names share."""
     return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
 
 
 def _type(column: Column) -> str:
-    """Return a column's type where it is not the usual one, and a question mark where it may be null."""
+    """Return a column's type unless it is double, and a question mark if cells may be null."""
     listed = re.fullmatch(r"fixed_size_list<item: double>\[(\d+)\]", str(column.type))
     kind = f"{listed[1]} doubles" if listed else str(column.type).replace("string", "text")
     return f"{'' if kind == 'double' else f' {kind}'}{'?' if column.nullable else ''}"
@@ -232,7 +232,7 @@ def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
 
 
 def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
-    """Format a key's line: what it holds, what it is where it is left out, its meaning."""
+    """Format a key's line: its type, its default, and its meaning."""
     words = {"string": "text", "object": "group", "array": "list", "boolean": "true, false"}
     kinds = part.get("type", "string")
     kind = " or ".join(words.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
@@ -254,14 +254,14 @@ _FILE = re.compile(r'<font face="monospace">(.*?)</font>')
 
 @dataclass(frozen=True)
 class RuleGraph:
-    """Rules of a workflow with the names of the files that each writes; edges : from writer to reader."""
+    """Rules of a workflow. outputs : names of the files that each rule writes. edges : writer and reader."""
 
     outputs: Mapping[str, Sequence[str]]
     edges: Sequence[tuple[str, str]]
 
 
 def read_filegraph(dot: str) -> RuleGraph:
-    """Read what `snakemake --filegraph` prints; the rule `all` is left out."""
+    """Parse the output of `snakemake --filegraph`, without the rule `all`."""
     rules: dict[str, str] = {}
     outputs: dict[str, list[str]] = {}
     for number, label in _NODE.findall(dot):
@@ -279,7 +279,7 @@ def read_filegraph(dot: str) -> RuleGraph:
 
 
 def direct_edges(read_by: Mapping[str, Set[str]]) -> list[tuple[str, str]]:
-    """Return edges without those that a longer way implies (the transitive reduction), sorted."""
+    """Return the transitive reduction, sorted: the edges that no longer path implies."""
 
     def after(rule: str) -> set[str]:
         return {later for reader in read_by[rule] for later in (reader, *after(reader))}
@@ -293,7 +293,7 @@ def direct_edges(read_by: Mapping[str, Set[str]]) -> list[tuple[str, str]]:
 
 
 def file_name(path: str) -> str:
-    """Return a table's name, a file's last part, a folder with its parent; wildcards are capitals."""
+    """Return the displayed name of a table or file, or of a folder with its parent; wildcards as capitals."""
     plain = re.sub(r"\{(\w)[^{}]*\}", lambda wildcard: wildcard[1].upper(), path)
     *_, folder, name = plain.split("/")
     if folder.endswith("_truth"):
@@ -304,10 +304,10 @@ def file_name(path: str) -> str:
 
 
 def mermaid(graph: RuleGraph) -> str:
-    """Format the graph as a Mermaid flowchart, a rule a node with the files that it writes."""
+    """Format the graph as a Mermaid flowchart, with a node for each rule that lists the files it writes."""
     lines = ["flowchart TB"]
     for rule, files in sorted(graph.outputs.items()):
-        endings: dict[str, list[str]] = {}  # files that differ in their endings alone are a single name
+        endings: dict[str, list[str]] = {}  # files that differ only in their endings share a line
         for file in files:
             stem, _, ending = file.partition(".")
             endings.setdefault(stem, []).append(ending)
@@ -321,7 +321,7 @@ def mermaid(graph: RuleGraph) -> str:
 
 
 def page_with_diagram(page: str) -> str:
-    """Return the page with the diagram of the rules of the demo study with exports between its marks."""
+    """Return the page with the diagram of the demo study's rules, with exports, between its marks."""
     with tempfile.TemporaryDirectory() as folder:
         for part in ("data", "config"):
             shutil.copytree(
