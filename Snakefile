@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 top = Path(workflow.snakefile).resolve().parent
-if (top / "shukotsu").is_dir():  # in a checkout, use its package instead of the installed one
+if (top / "shukotsu").is_dir():  # in a checkout, import its package
     sys.path.insert(0, str(top))
 
 from shukotsu.study.results import FIT_TABLES, MEASURED_TABLES, SKELETON_TABLES

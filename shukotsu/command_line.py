@@ -20,7 +20,7 @@ from shukotsu.tables.limits import FILE_NAME_BYTES
 
 EXIT_BAD_INPUT = 2
 _SIGPIPE = 13
-OF_THE_MACHINE = {
+MACHINE_ERRORS = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE,
     errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
 }  # fmt: skip
@@ -140,8 +140,8 @@ def run(
         record = record_failure or record_bug
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
-        asked = record is not None and arguments.record_failure
-        with keep_failure(arguments, asked, only_bugs=record_failure is None) as messages:
+        is_recorded = record is not None and arguments.record_failure
+        with keep_failure(arguments, is_recorded, only_bugs=record_failure is None) as messages:
             status = work(arguments)
         if messages and record is not None:
             record(arguments, messages[0])
@@ -202,7 +202,7 @@ def run_command(command: Callable[[], int | None]) -> int:
         return int(end.code or 0)
     except OSError as error:
         if error.filename is None:
-            if error.errno not in OF_THE_MACHINE:
+            if error.errno not in MACHINE_ERRORS:
                 raise
             sys.stdout = _nowhere()
         where = error.filename or "standard output, or a file"
@@ -295,7 +295,7 @@ def keep_failure(
         messages.append(error.message)
         print(f"error: {error}", file=sys.stderr)
     except Exception as error:  # the study must not lose its other parts to a bug in one
-        if not record or (isinstance(error, OSError) and error.errno in OF_THE_MACHINE):
+        if not record or (isinstance(error, OSError) and error.errno in MACHINE_ERRORS):
             raise
         traceback.print_exc()
         text = on_one_line(f"{type(error).__name__}: {error}")

@@ -45,7 +45,7 @@ def shorten(text: str, most: int) -> str:
 class TableError(InputError):
     """A table of the pipeline is damaged, of another version, or of another subject.
 
-    A subject's data cannot cause this, so the stage fails (see `reading_what_was_brought` for an exception).
+    A subject's data cannot cause this, so the stage fails (see `reading_user_tables` for an exception).
     """
 
 
@@ -57,7 +57,7 @@ class StorageError(TableError):
 
 
 @contextmanager
-def reading_what_was_brought() -> Iterator[None]:
+def reading_user_tables() -> Iterator[None]:
     """Turn a TableError in the block into a plain InputError, for tables that the user supplied."""
     try:
         yield
@@ -74,8 +74,8 @@ def join_reasons(reasons: Iterable[str]) -> str:
 
 def count_of(n: int, noun: str, verb: str = "") -> str:
     """Return a number with its noun and verb in agreement ("1 row is", "2 rows are"); verb : its plural."""
-    one = {"": "", "are": " is", "have": " has"}.get(verb, f" {verb}s")
-    return f"{n} {noun}{one}" if n == 1 else f"{n} {noun}s {verb}".rstrip()
+    singular = {"": "", "are": " is", "have": " has"}.get(verb, f" {verb}s")
+    return f"{n} {noun}{singular}" if n == 1 else f"{n} {noun}s {verb}".rstrip()
 
 
 def list_names(names: Sequence[str], most: int = 8) -> str:

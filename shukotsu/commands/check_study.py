@@ -20,12 +20,12 @@ from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.findings import EXIT_CODES, REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
+from shukotsu.study.study import Recording, unmatched_rows, unused_columns
 from shukotsu.tables.line_printer import progress
 from shukotsu.tables.poses import usable_poses
 from shukotsu.workflow.study_files import StudyFiles, import_options
 
-Said = tuple[str, int, str]
+NamedFinding = tuple[str, int, str]
 """Name of a recording or hand, an exit code, and a sentence about the recording or hand."""
 
 
@@ -39,7 +39,7 @@ def check_study(path: Path) -> int:
     sizes = {"subject": study.subjects, "recording": study.recordings, "model": study.models}
     counts = ", ".join(count_of(len(each), noun) for noun, each in sizes.items())
     print(f"{path}: study {study.name}, {counts}")
-    notes = (*unmatched_rows(study), *columns_handed_on(study), *_outside(path, files))
+    notes = (*unmatched_rows(study), *unused_columns(study), *_outside(path, files))
     for note in (*(row.message for row in study.unusable), *notes):
         print(f"note: {note}")
     recordings_by_finding: dict[str, list[str]] = {}
@@ -73,10 +73,10 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
             yield f"reads {what}, outside the study's folder: {', '.join(names)}"
 
 
-def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
+def _findings_of_recordings(plans: list[SubjectPlan]) -> list[NamedFinding]:
     """Import all recordings into a temporary folder and return the findings on them."""
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
-    findings: list[Said] = []
+    findings: list[NamedFinding] = []
     digests: list[tuple[Recording, str]] = []
     done = 0
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
@@ -99,10 +99,10 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
             findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()
-    return findings + [_said(_name(recording), finding) for recording, finding in copies(digests)]
+    return findings + [_named_finding(_name(recording), finding) for recording, finding in copies(digests)]
 
 
-def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[Said]:
+def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[NamedFinding]:
     """Return the findings on a subject's recordings, and why recordings cannot be read.
 
     Each recording is appended to `digests` with the digest of its poses.
@@ -114,17 +114,17 @@ def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]
     ]
     for recording, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
         accepted = (finding.accept(recording.accept) for finding in checked.findings)
-        findings += [_said(_name(recording), finding) for finding in accepted]
+        findings += [_named_finding(_name(recording), finding) for finding in accepted]
         digests.append((recording, checked.digest))
     for hand in plan.hands:
         if not plan.all_calibrating(hand):
             who = plan.hand(hand)
             name = " ".join(filter(None, (who.subject, who.session, who.hand)))
-            findings.append(_said(name, Finding("hand", REFUSED, "uncalibrated")))
+            findings.append(_named_finding(name, Finding("hand", REFUSED, "uncalibrated")))
     return findings
 
 
-def _said(name: str, finding: Finding) -> Said:
+def _named_finding(name: str, finding: Finding) -> NamedFinding:
     return name, EXIT_CODES[finding.severity], f"{finding.severity}: {finding.kind}: {finding.message}"
 
 

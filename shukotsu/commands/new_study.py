@@ -96,8 +96,8 @@ def new_study(arguments: argparse.Namespace) -> None:
         write_text(folder / file, text)
         print(folder / file)
     print("".join(f"note: {note}\n" for note in notes), end="")
-    there = shlex.quote(str(folder))
-    print(f"next: {_next(folder, sheet, mappings)}, then: cd {there}; shukotsu check; shukotsu run")
+    quoted = shlex.quote(str(folder))
+    print(f"next: {_next(folder, sheet, mappings)}, then: cd {quoted}; shukotsu check; shukotsu run")
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:

@@ -61,8 +61,8 @@ def run_study(arguments: argparse.Namespace) -> int:
     if arguments.cores != "all" and not (arguments.cores.isdecimal() and int(arguments.cores)):
         raise InputError(f"--cores: is {arguments.cores!r}; expected a number of jobs, or all")
     plans = [files.results.plan(*who) for who in files.study.sessions]
-    own = [one_run.FOLDER / name / "file" for name in ("log", "metadata", "incomplete")]
-    one_run.refuse_unwritable([*own, files.results.report, *plans])
+    snakemake_files = [one_run.FOLDER / name / "file" for name in ("log", "metadata", "incomplete")]
+    one_run.refuse_unwritable([*snakemake_files, files.results.report, *plans])
     lock = None if arguments.dry_run or arguments.more else one_run.hold(files.results.folder)
     command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     command += ["--configfile", str(arguments.study)]

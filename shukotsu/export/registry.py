@@ -162,11 +162,26 @@ def upright(transmitter_up: str, up: str) -> Array:
 class ExportFormat:
     """An export format.
 
-    module : which writes it, by its whole name, for the workflow to know that it belongs to the stage.
-    extensions : of all its files, the main one first. up : the axis that points up in it; none: it is in the
-    transmitter's frame. holds_gaps : whether it has a place for a frame without a pose. drops : what it never
-    holds. shared : where one set of files serves all recordings, its main file's path in the output folder.
-    holds_receivers : whether receivers are in it at all.
+    Attributes
+    ----------
+    what
+        Description in one line.
+    module
+        Full name of the module that writes it.
+    extensions
+        Endings of its files, the main file's first.
+    up
+        The axis that points up in its files; empty if they are in the transmitter's frame.
+    drops
+        What its files never contain.
+    holds_gaps
+        Whether it can represent a frame without a pose.
+    shared
+        For a format with one set of files for all recordings, the path of its main file in the output folder;
+        else empty.
+    holds_receivers
+        Whether its files contain receivers.
+
     """
 
     what: str

@@ -123,8 +123,8 @@ def _visits(at_end: Bools, beyond: Bools) -> int:
     at_end, beyond : (T,), whether the angle is at this end, and whether it is on the median's other side.
     """
     either = at_end | beyond
-    there = at_end[either]
-    return int(there[0]) + int((there[1:] & ~there[:-1]).sum())
+    is_at_end = at_end[either]
+    return int(is_at_end[0]) + int((is_at_end[1:] & ~is_at_end[:-1]).sum())
 
 
 LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from shukotsu import command_line
 from shukotsu.arrays import Array, Integers
-from shukotsu.errors import InputError, guess, list_names, reading_what_was_brought
+from shukotsu.errors import InputError, guess, list_names, reading_user_tables
 from shukotsu.movement.event_files import FARTHEST_S, Events, read_markers, read_midi, read_tracker_events
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.catalogue import POSES
@@ -181,7 +181,7 @@ def read_events(path: Path) -> Events:
     """Read a file of events. Raises InputError if its ending is unknown or it cannot be read."""
     for endings, reader in READERS.items():
         if path.name.lower().endswith(endings):
-            with reading_what_was_brought():
+            with reading_user_tables():
                 events = reader(path)
             bad = np.flatnonzero(~(np.abs(events.time_s) < FARTHEST_S))
             if len(bad):

@@ -15,7 +15,7 @@ from shukotsu.report.table_cells import DASH, format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
-from shukotsu.study.model import the_papers
+from shukotsu.study.model import paper_skeleton
 from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _deciding_difference(results: StudyResults, judged: JudgedModels) -> ModelDi
     ours = [row for row in judged.differences if row["model"] == results.leading]
     if not ours:
         return None
-    paper = the_papers(results.models.values())
+    paper = paper_skeleton(results.models.values())
     row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
     if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
         pair = row["other"], row["model"]

@@ -255,8 +255,8 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
         reason = reasons.get(factor, "")
         if not rows and not reason:
             reason = tr("no hand and task has numbers at two of its levels, so nothing is compared")
-        known = [row for row in rows if row["difference"] is not None][: MOST_DRAWN + len(asked)]
-        drawn = tuple(_drawn(results, everything, movement.model, row) for row in known)
+        measured = [row for row in rows if row["difference"] is not None][: MOST_DRAWN + len(asked)]
+        drawn = tuple(_drawn(results, everything, movement.model, row) for row in measured)
         table = _table(factor, rows, asked) if rows else None
         factors.append(ComparedFactor(factor, listed(levels), reason, table, drawn))
     return factors
@@ -346,8 +346,8 @@ def _drawn(
     numbers = numbers_of(quantity, movement_table(results, quantity.table, model), everything.counted)
     means = subject_means(numbers[numbers["of"] == row["of"]], factor, ["hand", "task"])
     wide = means.unstack("level").reset_index()
-    for place in ("hand", "task"):
-        wide = wide[(wide[place] == row[place]) | (place == factor)]
+    for column in ("hand", "task"):
+        wide = wide[(wide[column] == row[column]) | (column == factor)]
     by_subject = wide.groupby("subject", sort=False)[[row["level"], row["other_level"]]].mean()
     paired = row["design"] == WITHIN
     both = by_subject.notna().all(axis=1)

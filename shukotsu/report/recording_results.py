@@ -24,7 +24,7 @@ from shukotsu.report.hand_motion import (
     view_base,
 )
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
-from shukotsu.study.model import the_papers
+from shukotsu.study.model import paper_skeleton
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
 from shukotsu.tables.parts import Part, read_part
@@ -113,7 +113,7 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
     if row["status"] == "failed":
         trouble = row["message"]
     elif skeletons and poses is not None:
-        paper = the_papers(results.models[skeleton.model] for skeleton in skeletons)
+        paper = paper_skeleton(results.models[skeleton.model] for skeleton in skeletons)
         layout = results.layouts[recording.hand]
         try:
             motion = hand_motion(recording.hand.hand, layout, poses, skeletons, paper, max(1, every))

@@ -272,7 +272,7 @@ def table_title(model: SkeletonModel) -> str:
     return tr("Table {n}: {name}", n=model.paper_table, name=model.name)
 
 
-def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
+def has_the_papers_digits(results: StudyResults, trial: Trial) -> bool:
     """Return whether the trial's layouts have the digits of the paper's tables."""
     layouts = (results.layouts[recording.hand] for recording in trial.recordings.values())
     return all(tuple(layout.digits) == PAPER_DIGITS for layout in layouts)

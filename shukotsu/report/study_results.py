@@ -19,7 +19,7 @@ from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.recording_summary import subject_tables
 from shukotsu.study.results import FAILED_PAGES, Results, table_in
-from shukotsu.study.study import OfRecordings, Recording, Study
+from shukotsu.study.study import HasRecordings, Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from shukotsu.tables.parts import Opened, Part, open_parts
 from shukotsu.tables.subjects import Hand, SubjectSession
@@ -97,7 +97,7 @@ def by_hand_and_model(rows: Iterable[RowType]) -> dict[HandModel, list[RowType]]
 
 
 @dataclass(frozen=True)
-class StudyResults(OfRecordings):
+class StudyResults(HasRecordings):
     """A study, or one subject's part of it, with its results."""
 
     name: str

@@ -22,7 +22,7 @@ from shukotsu.report.judged_models import numbers_texts, used_text
 from shukotsu.report.recording_page import failure_page, recording_links, recording_page, recording_title
 from shukotsu.report.recording_results import read_recording, read_still
 from shukotsu.report.score_tables import (
-    is_the_papers_hand,
+    has_the_papers_digits,
     least_squares_table,
     printed_table,
     score_table,
@@ -125,7 +125,7 @@ def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
     """Return the section of one evaluated task: scores, if any, and the study's tables beside the paper's."""
-    beside = is_the_papers_hand(results, trial)
+    beside = has_the_papers_digits(results, trial)
     return {
         "title": trial.title,
         "scores": score_table(results, trial),

@@ -157,7 +157,7 @@ class Layout:
         }
         return replace(self, segments=segments)
 
-    def is_as(self, other: Layout) -> bool:
+    def matches(self, other: Layout) -> bool:
         """Return whether both have the same segments, joints, digits and wrist.
 
         They may differ in station numbers and in which receivers are optional.

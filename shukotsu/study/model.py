@@ -85,7 +85,7 @@ class SkeletonModel:
         return self.fitting is not None and not self.fitting.steps
 
 
-def the_papers(models: Iterable[SkeletonModel]) -> str:
+def paper_skeleton(models: Iterable[SkeletonModel]) -> str:
     """Return the name of the paper's skeleton, or an empty string if the models do not include it.
 
     It is the model of the paper's last table that uses no manual corrections. The model of the first table

@@ -47,7 +47,7 @@ class StudyPlans:
     def content(self, subject: str, session: str = "") -> dict[str, Any]:
         """Return a subject's plan in JSON types."""
         study = self._study.of_session(subject, session)
-        asked = study.config["wanted_mm"]
+        wanted_mm = study.config["wanted_mm"]
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
         return {
             "plan": VERSION,
@@ -60,7 +60,7 @@ class StudyPlans:
             "recordings": [_recording(recording, study) for recording in study.recordings],
             "layouts": {
                 hand.hand: self._layouts[path := study.layout_of(hand)]
-                | {"wanted_mm": asked or self._layouts[path]["wanted_mm"]}
+                | {"wanted_mm": wanted_mm or self._layouts[path]["wanted_mm"]}
                 for hand in study.hands
             },
             "models": self._models,

@@ -108,7 +108,7 @@ class Simulation:
     seed: int
 
 
-class OfRecordings:
+class HasRecordings:
     """Base class that lists the hands, subjects and sessions of recordings, in the sheet's order."""
 
     recordings: tuple[Recording, ...]
@@ -130,7 +130,7 @@ class OfRecordings:
 
 
 @dataclass(frozen=True)
-class Study(OfRecordings):
+class Study(HasRecordings):
     """A study file with its sheets, layouts and models, read and validated."""
 
     name: str
@@ -338,7 +338,7 @@ def unmatched_rows(study: Study) -> list[str]:
     return problems
 
 
-def columns_handed_on(study: Study) -> list[str]:
+def unused_columns(study: Study) -> list[str]:
     """Return a sentence that lists the recordings sheet's unused further columns, or no sentence."""
     names = [name for name, _ in study.recordings[0].more if name not in study.factors]
     where = study.sheets["recordings"].name
@@ -467,7 +467,7 @@ def _recordings(
             unusable.append(UnusableRow(recording.hand, row["task"], message))
             continue
         first, line = layouts.setdefault(recording.hand, (worn, row.line))
-        if first != worn and not read_layout(worn.absolute()).is_as(read_layout(first.absolute())):
+        if first != worn and not read_layout(worn.absolute()).matches(read_layout(first.absolute())):
             raise InputError(
                 f"{sheet}: row {row.line}, column layout: {worn.stem} has other bodies, joints or digits "
                 f"than {first.stem}, the layout of row {line}; layouts of a hand may differ in the "

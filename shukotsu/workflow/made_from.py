@@ -87,8 +87,8 @@ def keep(kept: Path, workflow: Any) -> None:
                 former["outputs"] = {path: e for path, e in former["outputs"].items() if path not in new}
             outputs = {path: [digests.content(path), note.endtime] for path, note in new.items()}
             jobs.append(next(iter(new.values())).model_dump(include=COMPARED) | {"outputs": outputs})
-    there = [job for job in jobs if any(Path(path).exists() for path in job["outputs"])]
-    text = ",\n".join(json.dumps(job, ensure_ascii=False) for job in there)
+    kept_jobs = [job for job in jobs if any(Path(path).exists() for path in job["outputs"])]
+    text = ",\n".join(json.dumps(job, ensure_ascii=False) for job in kept_jobs)
     for name, path in INSTALLED.items():
         text = text.replace(path, name)
     with suppress(OSError, InputError):  # the copy is needed only if Snakemake's records are lost

@@ -152,7 +152,7 @@ class StudyFiles:
         former = remove_former_results(self.results, present)
         return f"removed results that no longer belong to the study: {list_names(former)}" if former else ""
 
-    def what_is_not_as_made(self) -> str:
+    def changed_results(self) -> str:
         """Return a sentence on the results that were changed after a run, or an empty string.
 
         Those results are made again; Snakemake's lost records of all others are restored. An outdated plan is

@@ -53,7 +53,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
-        notes += [study.what_is_not_as_made(), study.font_note()] if workflow.is_main_process else []
+        notes += [study.changed_results(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
         raise WorkflowError(str(error)) from None
     _note(*notes)
@@ -133,7 +133,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or progress.OF_STUDY}"
         rule.set_params(stages=STAGES)
-        if str(rule.output[0]).endswith("/plan.json"):  # `begin` writes changed plans
+        if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run starts
             continue
         rule.set_params(code=code)
         if "{params.arguments}" in rule.shellcmd:

@@ -21,7 +21,7 @@ from shukotsu.study.plan_file import read_plan
 from shukotsu.study.recording_summary import part_problems, subject_tables
 from shukotsu.study.results import GATHERED_TABLES, Results
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
-from shukotsu.study.study import Study, columns_handed_on, correction_problems, unmatched_rows
+from shukotsu.study.study import Study, correction_problems, unmatched_rows, unused_columns
 from shukotsu.tables.catalogue import (
     AGREEMENT,
     FINDINGS,
@@ -69,14 +69,14 @@ def gather_study(study: Study, results: Results) -> None:
     )
     for recording, finding in copies(of_recordings):
         problems.append(problem_row(STAGE, finding, **vars(recording.hand), task=recording.title))
-    said: list[tuple[str, str, str, str]] = []  # of sheets: rule, kind, severity, sentence
+    of_sheets: list[tuple[str, str, str, str]] = []  # rule, kind, severity and sentence of problems of sheets
     if (sheet := study.sheets.get("corrections")) is not None:
         layout = read_layout(study.layout.absolute())
         texts = correction_problems(read_sheet(sheet, CORRECTIONS), sheet, study.hands, layout)
-        said += [("project_planes", "correction", REFUSED, text) for text in texts]
-    said += [("plan", "sheet", REFUSED, text) for text in unmatched_rows(study)]
-    said += [("plan", "sheet", NOTE, text) for text in columns_handed_on(study)]
-    problems += [problem_row(rule, finding_of_text(kind, how, text)) for rule, kind, how, text in said]
+        of_sheets += [("project_planes", "correction", REFUSED, text) for text in texts]
+    of_sheets += [("plan", "sheet", REFUSED, text) for text in unmatched_rows(study)]
+    of_sheets += [("plan", "sheet", NOTE, text) for text in unused_columns(study)]
+    problems += [problem_row(rule, finding_of_text(kind, how, text)) for rule, kind, how, text in of_sheets]
     for name in GATHERED_TABLES:
         rows = pa.concat_tables([subject.tables[name] for subject in of_subjects])
         files = [file for plan in plans for file in plan.files_of(name)]
