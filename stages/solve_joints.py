@@ -33,7 +33,7 @@ def solve(arguments: argparse.Namespace) -> None:
 
     plan = subject_stage.plan_of(arguments)
     if not plan.models:
-        raise InputError("--model: none is given; expected a skeleton model that ships, or a path")
+        raise InputError("--model: is missing; expected a skeleton model that ships, or a path")
     provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
     requests = [
         PartRequest(

@@ -50,7 +50,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     are too many frames or points.
     """
     if not len(motion.frame):
-        raise InputError(f"{path}: C3D holds no file without a frame; widen --frames")
+        raise InputError(f"{path}: C3D needs at least one frame; widen --frames")
     import ezc3d
 
     motion, unseen = with_seen_receivers(motion)
@@ -172,7 +172,7 @@ def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
     if errors[best] > 0.5 / rates[best]:
         raise InputError(
             f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
-            "than half a frame, and C3D holds one rate; choose an even one with --fps"
+            "than half a frame, and C3D has only one rate; choose an even one with --fps"
         )
     return row, rates[best], errors[best]
 

@@ -54,9 +54,9 @@ README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
 
 Tracking systems "righthand" and "lefthand" are the receivers as recorded; with "skeleton" and a model's
 name, that person's joints, bones and joint angles, computed from them. Metres, degrees, unit quaternions to
-the transmitter's frame; n/a where there was no pose. Whole names stand under "{EXTRA_KEY}" in motion.json and
-in participants.tsv. In a label Q starts a stand-in: Qs a blank, Qd a hyphen, Qu an underscore, Qp a point,
-QQ the letter Q, Qx and x around another character's code point in hexadecimal.
+the transmitter's frame; n/a if there was no pose. Full names are under "{EXTRA_KEY}" in motion.json and in
+participants.tsv. In labels, Q starts an escape: Qs is a space, Qd a hyphen, Qu an underscore, Qp a point,
+QQ the letter Q, and Qx...x encloses another character's code point in hexadecimal.
 """
 _UNITS = {"_mm": {"Units": "mm"}}
 _NAME = {"name": {"Description": "The subject's name, of which participant_id is made."}}

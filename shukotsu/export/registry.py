@@ -50,10 +50,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--hand", choices=("right", "left"), default="", help="which hand (default: each)")
     name = "the task, or TASK_TRIAL (default: all evaluated ones)"
     add("--recording", default="", metavar="NAME", help=name)
-    add("--model", "--models", default="", metavar="NAMES", help="models, joined by commas (default: all)")
-    add("--formats", required=True, metavar="NAMES", help="of those above, joined by commas")
+    add("--model", "--models", default="", metavar="NAMES", help="models, separated by commas (default: all)")
+    add("--formats", required=True, metavar="NAMES", help="formats from the list above, separated by commas")
     add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
-    add("--participants", type=Path, metavar="SHEET", help="the study's sheet of them, for bids")
+    add("--participants", type=Path, metavar="SHEET", help="the study's participants sheet, for bids")
     add_motion_options(parser)
 
 
@@ -216,8 +216,8 @@ def chosen_formats(names_list: str) -> list[str]:
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
         raise InputError(
-            f"--formats: {unknown[0] if unknown else 'nothing'!r} is no format; expected one or more of "
-            f"{', '.join(FORMATS)}, joined by commas"
+            f"--formats: {unknown[0] if unknown else 'nothing'!r} is not a format; expected one or more of "
+            f"{', '.join(FORMATS)}, separated by commas"
         )
     return names
 

@@ -113,7 +113,7 @@ def read_midi(path: Path) -> Events:
     n_open = sum(map(len, sounding.values()))
     remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] if n_open else []
     if n_others:
-        remarks.append(f"{n_others} messages that are no notes are left out")
+        remarks.append(f"{n_others} messages other than notes are left out")
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
 
 

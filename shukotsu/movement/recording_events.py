@@ -117,7 +117,7 @@ class RecordingEvents:
         """Return the events' times on the recording's clock with 1-sigma errors, s, and the row of clocks."""
         if not self.pulses:
             raise InputError(
-                f"{self.file}: runs on a clock of its own; say which of its events the recording has as well "
+                f"{self.file}: has its own clock; state which of its events the recording has as well "
                 f"(pulses, e.g. {events.names[0] if events.names else 'note 24'!r}), or {SAME_CLOCK!r}"
             )
         name, _, other = (part.strip() for part in self.pulses.partition("="))

@@ -385,7 +385,7 @@ def _check_events(
         ]
         if len(named) == 1 or (not named and key in left_out):
             continue
-        what = "several recordings; say which in the columns session and trial" if named else "no recording"
+        what = "several recordings; state which in the columns session and trial" if named else "no recording"
         words = ", ".join(row[name] for name in ("subject", "session", "hand", "task", "trial") if row[name])
         raise InputError(f"{path}: row {row.line}: {words} names {what} of the recordings sheet")
 

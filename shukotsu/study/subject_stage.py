@@ -88,9 +88,9 @@ def add_plan_options(
     alone = parser.add_argument_group("a hand alone")
     alone.add_argument("--layout", help="a layout that ships, or a path")
     alone.add_argument("--model", help="a skeleton model that ships, or a path")
-    alone.add_argument("--subject", help="whose hand (default: as the poses say)")
-    alone.add_argument("--session", help="in which session (default: as the poses say)")
-    alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
+    alone.add_argument("--subject", help="whose hand (default: from the poses)")
+    alone.add_argument("--session", help="in which session (default: from the poses)")
+    alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: from the poses)")
     for name in sizes:
         alone.add_argument(command_line.option_of(name), type=float, help=_SIZES[name])
     for name in sheets:

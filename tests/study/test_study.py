@@ -152,7 +152,7 @@ def test_sessions_are_kept_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("01 right scale 1", "row 2: 01, right, scale names several recordings; say which in the columns"),
+        ("01 right scale 1", "row 2: 01, right, scale names several recordings; state which in the"),
         ("01 left scale 1", "row 2: 01, left, scale names no recording of the recordings sheet"),
         ("01 right scale x", "row 2, column onset_s: is 'x'; expected a number"),
     ],
