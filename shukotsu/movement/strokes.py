@@ -59,7 +59,8 @@ per mm of noise at 240 Hz."""
 class _Window:
     """n evenly spaced frames around an event, for D digits.
 
-    tips_mm : (n, D, 3), transmitter frame. pointing : (n, D, 3), directions of the tips. tip_sd_mm : (D,).
+    tips_mm : (n, D, 3), transmitter frame. pointing : (n, D, 3), directions of the tips in the hand's frame.
+    tip_sd_mm : (D,), 1-sigma errors of the tips.
     """
 
     time_s: Array
