@@ -1,13 +1,13 @@
-# From recordings to a report, one rule a section of the paper. Rules wire files to stages and hold no logic.
-# {params.stages} is Python and the folder of the stages' scripts; {params.arguments} are the named inputs and
-# outputs of a rule, each as the option of that name of its stage.
-# Each also has a log, a message and what tells when it is to run again: shukotsu/workflow/study_rules.py.
+# From recordings to a report, with a rule for each section of the paper. Rules connect files to stages and contain
+# no logic. {params.stages} expands to Python and the folder of the stages' scripts, {params.arguments} to the named
+# inputs and outputs of a rule as options of its stage. shukotsu/workflow/study_rules.py gives every rule a log, a
+# message and the params whose change makes it run again.
 
 import sys
 from pathlib import Path
 
 top = Path(workflow.snakefile).resolve().parent
-if (top / "shukotsu").is_dir():  # a checkout: not the one installed
+if (top / "shukotsu").is_dir():  # in a checkout, import its package
     sys.path.insert(0, str(top))
 
 from shukotsu.study.results import FIT_TABLES, MEASURED_TABLES, SKELETON_TABLES
@@ -26,7 +26,7 @@ ruleorder: fit_hands > fit_hand
 report: f"{study_rules.CAPTIONS}/workflow.rst"  # the first page of `snakemake --report`
 
 
-container: "shukotsu.sif"  # of container/Dockerfile: for a whole run (docs/studies.md), no job needs it
+container: "shukotsu.sif"  # from container/Dockerfile, for a whole run (docs/studies.md); no job needs it
 
 
 rule all:
@@ -37,13 +37,13 @@ rule all:
 rule plan:  # what the stages need to know of the study about a subject
     output:
         f"{subject}/plan.json",
-    params:  # a function of `output` is no reason to run again: changed plans are written when a run begins
+    params:  # a function of `output` does not trigger a rerun; changed plans are rewritten when a run starts
         options=lambda wildcards, output: f"{study.options} {study.subject_options(wildcards)}",
     shell:
         "{params.stages}/plan.py {params.options} --out {output} 2> {log}"
 
 
-rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
+rule simulate:  # only for a study with `simulation`: recordings with their truth
     output:
         study.simulated_truth,
         out=study.simulated,
@@ -54,7 +54,7 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
         "{params.stages}/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q} --seed {params.seed} {params.arguments} 2> {log}"
 
 
-rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
+rule stream:  # simulated recordings -> raw captures, as a tracker would send them
     input:
         recording=study.simulated,
         layout=ancient(study.layout),
@@ -82,7 +82,7 @@ rule capture:  # section 2: a recording -> its poses
         "{params.stages}/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}"
 
 
-rule check_recordings:  # not in the paper: what was declared, against what the poses say
+rule check_recordings:  # not in the paper: check what was declared against the poses
     input:
         **study.inputs("plan", "poses"),
     output:
@@ -95,7 +95,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
         "{params.stages}/check_recordings.py --record-failure {params.arguments} > /dev/null 2> {log}"
 
 
-rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
+rule align_events:  # not in the paper: notes, markers and pulses on each recording's clock
     input:
         ancient(study.event_files),
         **study.inputs("plan", "poses"),
@@ -131,7 +131,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
         "{params.stages}/project_planes.py --record-failure {params.arguments} 2> {log}"
 
 
-rule fit_hand:  # not in the paper: a whole hand at once, and its recordings posed with it
+rule fit_hand:  # not in the paper: fit a whole hand at once, and pose its recordings
     input:
         **study.inputs("plan", "findings"),
         poses=study.poses_of_fit,
@@ -147,7 +147,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         "{params.stages}/fit_hand.py --record-failure {params.arguments} --model {params.model:q} {params.hands:q} 2> {log}"
 
 
-use rule fit_hand as fit_hands with:  # a person's two in one job, each of them once
+use rule fit_hand as fit_hands with:  # both hands of a person in one job
     output:
         [f"{fit}/{table}.parquet" for fit in both_fits for table in FIT_TABLES],
     wildcard_constraints:
@@ -184,7 +184,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
         "{params.stages}/evaluate_tips.py --record-failure {params.arguments} 2> {log}"
 
 
-rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
+rule evaluate_skeletons:  # not in the paper: score all models of a hand on held-out data
     input:
         study.truth,
         **study.inputs(
@@ -206,7 +206,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
         "{params.stages}/evaluate_skeletons.py --record-failure {params.arguments} 2> {log}"
 
 
-rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the fingertips, strokes at events
+rule measure_movement:  # not in the paper: ranges, speeds, cycles, paths of the fingertips, strokes at events
     input:
         **study.inputs(
             "plan", "poses", "findings", *SKELETON_TABLES, "events", "clocks"
@@ -234,7 +234,7 @@ rule gather:  # the study's short tables, and what went wrong
         "{params.stages}/gather.py {params.study} 2> {log}"
 
 
-rule compare_models:  # not in the paper: how the skeleton models differ over the subjects
+rule compare_models:  # not in the paper: differences between skeleton models over the subjects
     input:
         study.study_tables,
         configuration=ancient(study.configuration),
@@ -244,7 +244,7 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
         "{params.stages}/compare_models.py {params.study} 2> {log}"
 
 
-rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
+rule compare_movement:  # not in the paper: differences between groups, sessions and tasks; repeatability
     input:
         study.study_tables,
         configuration=ancient(study.configuration),
@@ -295,7 +295,7 @@ rule export_tables:  # the study's tables for R and others, with a data dictiona
         "{params.stages}/export_tables.py {params.arguments} --study {params.name:q} 2> {log}"
 
 
-rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
+rule collect_exports:  # exports of all subjects in one folder, as hard links to save space
     input:
         folders=study.export_folders,
     output:
@@ -304,7 +304,7 @@ rule collect_exports:  # of all subjects in one flat folder, by links: they take
         "{params.stages}/collect_exports.py {params.arguments} 2> {log}"
 
 
-rule report:  # it names the pages that could not be made
+rule report:  # the study's page, which also lists other pages that could not be made
     input:
         study.tables,
         study.exports,
@@ -331,9 +331,9 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
         "{params.stages}/subject_pages.py --record-failure --plan {input.plan} --out {output} --language {params.language} 2> {log}"
 
 
-rule print_figures:  # the study's figures for print; each is written, if only to say what it lacks
+rule print_figures:  # the study's figures for print; without data, a figure states what is missing
     input:
-        study.exports,  # what could not be made is read with the study's results
+        study.exports,  # reading the study's results includes the failures of exports and pages
         study.subject_pages,
         study.whole_tables,
         configuration=ancient(study.configuration),

@@ -1,8 +1,8 @@
-"""The one command of the project, and what notebooks import."""
+"""The package of the command `shukotsu`, and the functions that notebooks import."""
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # and not typing's, nor anything else: the command line takes signals when this is read
+TYPE_CHECKING = False  # without importing typing: the command line must soon be able to handle signals
 if TYPE_CHECKING:
     from typing import Any
 
@@ -22,7 +22,7 @@ _HOME = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for then and no sooner: the command line starts fast."""
+    """Import a public name when it is first used, so that the command line starts fast."""
     from importlib import import_module
 
     name = "VERSION" if name == "__version__" else name

@@ -1,4 +1,4 @@
-"""Command line: `shukotsu`, one command a thing to do; only the module of that command is imported."""
+"""Command line `shukotsu COMMAND`; only the module of that command is imported."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import sys
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Hand the arguments after the first to the command that the first one names; return its exit code."""
-    if argv is None and hasattr(signal, "pthread_sigmask"):  # until there is a sentence for it
+    """Run the command that the first argument names with the other arguments; return its exit code."""
+    if argv is None and hasattr(signal, "pthread_sigmask"):  # until `run_command` can report them
         signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
     import importlib
 
@@ -25,7 +25,7 @@ def main(argv: list[str] | None = None) -> int:
         return int(module.main(arguments[1:]))
 
     status = command_line.run_command(command)
-    command_line.block_ending(argv is None)  # nothing is left to be cut short but Python's own end
+    command_line.block_ending(argv is None)  # the work is done; let Python exit undisturbed
     return status
 
 

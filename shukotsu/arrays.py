@@ -1,4 +1,7 @@
-"""Types of arrays by what they hold, of any shape, or of one that tests check: `Float[Array, "T 3"]`."""
+"""Types of arrays by element type; an annotation such as `Float[Array, "T 3"]` also states a shape.
+
+The tests check stated shapes.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ Integers = npt.NDArray[np.int64]
 Index = Integers
 """Integers that select elements of another array."""
 
-if TYPE_CHECKING or "jaxtyping" in sys.modules:  # only tests import it; it takes longer than a stage's start
+if TYPE_CHECKING or "jaxtyping" in sys.modules:  # only tests import it, because it is slow
     from jaxtyping import Bool, Float, Int
 else:  # annotations are not evaluated
     Bool = Float = Int = None

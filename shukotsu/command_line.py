@@ -1,4 +1,4 @@
-"""Start and end of every command: exit codes, one sentence for each error, signals."""
+"""Start and end of every command: options, exit codes, one sentence for each error, and signals."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from shukotsu.tables.limits import FILE_NAME_BYTES
 
 EXIT_BAD_INPUT = 2
 _SIGPIPE = 13
-OF_THE_MACHINE = {
+MACHINE_ERRORS = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE,
     errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
 }  # fmt: skip
 """Errors of the machine (disk, memory, network), which are not recorded as results of a subject."""
 ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
-"""Signals by which a process is asked to end; Windows has no SIGHUP."""
+"""Signals that ask a process to end; Windows has no SIGHUP."""
 ONE_THREAD = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
 )  # fmt: skip
-"""Environment variables for the number of threads, all set to 1 before any library is imported: the order of
-summation, and so every bit of a result, must not depend on the machine; small matrices gain nothing from
-threads."""
+"""Environment variables for the number of threads, all set to 1 before any library is imported. The order of
+summation, and with it the last bits of a result, must not depend on the machine; computations on small
+matrices gain nothing from threads."""
 
 
 class Ended(SystemExit):
-    """Raised where a signal asks this process to end. then : text added to its message after a semicolon."""
+    """Raised when a signal asks this process to end; then : text to append to the message."""
 
     def __init__(self, number: int, then: str = "") -> None:
         super().__init__(128 + number)
@@ -49,7 +49,10 @@ class Ended(SystemExit):
 def parser(
     program: str, description: str, example: str, *, records_failure: bool | None = None
 ) -> argparse.ArgumentParser:
-    """Return a parser with a description and an example; that of a stage also has --record-failure."""
+    """Return a parser with a description and an example.
+
+    records_failure : whether it has the option --record-failure; by default all stages have it.
+    """
     built = argparse.ArgumentParser(
         prog=program,
         description=description,
@@ -63,13 +66,13 @@ def parser(
         built.add_argument(
             "--record-failure",
             action="store_true",
-            help="on bad input write the reason into the output tables and end with 0: a study goes on",
+            help="on bad input write the reason into the output tables and end with 0: a study continues",
         )
     return built
 
 
 def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequence[str]]) -> None:
-    """Add a required option for each output of a stage: a table, or a folder of several tables."""
+    """Add a required option for each output of a stage, which is a table or a folder of several tables."""
     for name, tables in writes.items():
         help_text = (
             f"the {tables} table to write" if isinstance(tables, str) else f"folder for {', '.join(tables)}"
@@ -93,12 +96,12 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
 
 
 def option_of(name: str) -> str:
-    """Return the option of an argument, or of a table, of that name."""
+    """Return the command-line option for the name of an argument or table."""
     return f"--{name.replace('_', '-')}"
 
 
 def _path(text: str) -> Path:
-    """Convert an argument to a path; refuse an empty one, which comes from an unset variable of the shell."""
+    """Convert an argument to a path; reject an empty one, which may come from an unset shell variable."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; expected a path")
     return Path(text)
@@ -111,12 +114,24 @@ def run(
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> int:
-    """Parse the arguments, do the work, which may return an exit code, and return the exit code.
+    """Parse the arguments, do the work and return the exit code.
 
     With --record-failure an error is written to the outputs instead of ending with 2, so that the study's
-    other subjects continue. record_failure : writes the message, of bad input or of a bug, for a stage whose
-    outputs have no parts. record_bug : writes that of a bug outside all parts, for a stage whose outputs
-    have parts.
+    other subjects continue.
+
+    Parameters
+    ----------
+    build_parser
+        Function that returns the parser.
+    argv
+        The arguments; None for those of this process.
+    work
+        Function that is called with the parsed arguments and may return an exit code.
+    record_failure
+        For a stage whose outputs have no parts: writes a message, of bad input or of a bug, to the outputs.
+    record_bug
+        For a stage whose outputs have parts: writes the message of a bug outside all parts.
+
     """
 
     def command() -> int | None:
@@ -125,8 +140,8 @@ def run(
         record = record_failure or record_bug
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
-        asked = record is not None and arguments.record_failure
-        with keep_failure(arguments, asked, only_bugs=record_failure is None) as messages:
+        is_recorded = record is not None and arguments.record_failure
+        with keep_failure(arguments, is_recorded, only_bugs=record_failure is None) as messages:
             status = work(arguments)
         if messages and record is not None:
             record(arguments, messages[0])
@@ -141,33 +156,33 @@ def script(
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
 ) -> Callable[..., int]:
-    """Return the `main` of a stage or command: it takes arguments and returns the exit code; see `run`."""
+    """Return the `main` function of a stage or command, which calls `run` with its arguments."""
     return lambda argv=None: run(build_parser, argv, work, record_failure, record_bug)
 
 
 def run_command(command: Callable[[], int | None]) -> int:
     """Run a command and return its exit code.
 
-    0, or what the command returns; 2, with one sentence on stderr, for an error of the input, the
+    It is 0 or what the command returns; 2, with one sentence on stderr, after an error of the input, the
     configuration or the machine; 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP, each with a
-    sentence; 141 where the reader of stdout has closed it. Any other exception is a bug and is raised.
+    sentence; 141 if the reader of stdout has closed it. Any other exception is a bug and is raised.
     """
     try:
         begin()
         try:
             return command() or 0
         finally:
-            sys.stdout.flush()  # and not when Python ends, in its own words
+            sys.stdout.flush()  # here, where an error can still be reported in one sentence
     except InputError as error:
         return _print_refusal(str(error))
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("shukotsu"):
-            raise  # one of this program's own
+            raise  # a bug: the module is part of this program
         return _print_refusal(
             f"{error.name} is not installed for {sys.executable}; install this program again, with all that "
             "it needs (`pip install`, or `make demo` in its folder)"
         )
-    except UnicodeEncodeError as error:  # of a path: what is printed was seen to
+    except UnicodeEncodeError as error:  # from a path: `begin` makes all text printable
         return _print_refusal(
             f"{error.object!a}: no file can have this name in this system's encoding ({error.encoding}); set "
             "LC_ALL=C.UTF-8"
@@ -177,7 +192,7 @@ def run_command(command: Callable[[], int | None]) -> int:
             f"not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job more of "
             "it, or cut the recording"
         )
-    except BrokenPipeError:  # whoever read what is printed has read enough
+    except BrokenPipeError:  # the reader of stdout, such as `head`, has ended
         sys.stdout = _nowhere()
         return 128 + _SIGPIPE
     except (KeyboardInterrupt, Ended) as asked:
@@ -187,7 +202,7 @@ def run_command(command: Callable[[], int | None]) -> int:
         return int(end.code or 0)
     except OSError as error:
         if error.filename is None:
-            if error.errno not in OF_THE_MACHINE:
+            if error.errno not in MACHINE_ERRORS:
                 raise
             sys.stdout = _nowhere()
         where = error.filename or "standard output, or a file"
@@ -195,7 +210,7 @@ def run_command(command: Callable[[], int | None]) -> int:
 
 
 def _print_refusal(why: str) -> int:
-    """Print the reason on stderr, unless it is closed; return the exit code."""
+    """Print the reason on stderr, unless stderr is closed; return the exit code for bad input."""
     try:
         print(f"error: {why}", file=sys.stderr, flush=True)
     except OSError:
@@ -204,14 +219,15 @@ def _print_refusal(why: str) -> int:
 
 
 def _nowhere() -> TextIO:
-    """Return a replacement for a standard stream that is closed or full: Python flushes it at exit and would
-    fail again.
+    """Return a replacement for a standard stream that is closed or full.
+
+    Python flushes standard streams at exit, which would fail again.
     """
     return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
 
 
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
-    """Raise InputError where an argument is not UTF-8 text, which tables and captures need, or not a path."""
+    """Raise InputError if an argument is not UTF-8 text, as tables and captures require, or no valid path."""
     for name, value in vars(arguments).items():
         option = option_of(name)
         for each in value if isinstance(value, list | tuple) else [value]:
@@ -228,7 +244,7 @@ def _refuse_odd_text(arguments: argparse.Namespace) -> None:
 
 
 def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
-    """Raise InputError where an output is also an input, which would be lost, or two outputs are one file."""
+    """Raise InputError if an output is also an input, which would be lost, or if two outputs are one file."""
     named = [
         (name, path)
         for name, value in vars(arguments).items()
@@ -242,19 +258,19 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
         for other, read in named:
             if not other.startswith("out") and _same_file(path, read):
                 raise InputError(
-                    f"{option}: {path}: is the file that is read, which would be lost; give another name"
+                    f"{option}: {path}: is also an input, which would be overwritten; give another name"
                 )
         if any(other.startswith("out") and _same_file(path, former) for other, former in named[:at]):
-            raise InputError(f"{option}: {path}: is to hold another output too; give each a name of its own")
+            raise InputError(f"{option}: {path}: is also the file of another output; give a different name")
 
 
 def _same_file(first: Path, second: Path) -> bool:
-    """Return whether two paths are the same file, also through a link; False for folders."""
+    """Return whether two paths lead to the same file, also through links; False for folders."""
     try:
         if first.is_dir() or second.is_dir():
             return False
         return first.resolve() == second.resolve() or first.samefile(second)
-    except (OSError, RuntimeError):  # not there, or a link to itself: whoever opens it says so
+    except (OSError, RuntimeError):  # missing, or a link to itself: opening the file reports it
         return False
 
 
@@ -262,10 +278,11 @@ def _same_file(first: Path, second: Path) -> bool:
 def keep_failure(
     arguments: argparse.Namespace, record: bool, *, only_bugs: bool = False
 ) -> Iterator[list[str]]:
-    """Print and collect the message of an exception in the block; without `record` let it pass.
+    """Catch an exception in the block, print its message and put it into the list that is yielded.
 
-    A damaged table, a lack of memory or disk space, and a package that is not installed always pass: they
-    are not results of a subject. only_bugs : let errors of the input pass too.
+    record : if False, exceptions are raised instead. only_bugs : raise errors of the input as well. A damaged
+    table, a lack of memory or disk space and a missing package are always raised: a subject's data does not
+    cause them.
     """
     messages: list[str] = []
     try:
@@ -277,8 +294,8 @@ def keep_failure(
             raise
         messages.append(error.message)
         print(f"error: {error}", file=sys.stderr)
-    except Exception as error:  # also a bug must not cost the study its other parts
-        if not record or (isinstance(error, OSError) and error.errno in OF_THE_MACHINE):
+    except Exception as error:  # the study must not lose its other parts to a bug in one
+        if not record or (isinstance(error, OSError) and error.errno in MACHINE_ERRORS):
             raise
         traceback.print_exc()
         text = on_one_line(f"{type(error).__name__}: {error}")
@@ -286,16 +303,16 @@ def keep_failure(
 
 
 def begin() -> None:
-    """Prepare the process: one thread, signals, standard streams. May be called again.
+    """Prepare the process: one thread, signal handlers, standard streams. It can be called repeatedly.
 
-    SIGTERM and SIGHUP raise `Ended`, so that files half written are removed. Closed standard streams are
-    opened on the null device; otherwise the next file opened would get their descriptor.
+    SIGTERM and SIGHUP raise `Ended`, so that partly written files are removed. Closed standard streams are
+    opened on the null device; otherwise the next file to be opened would get their descriptor.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    for name in ("stdin", "stdout", "stderr"):  # in the order of their numbers, the lowest of which is free
+    for name in ("stdin", "stdout", "stderr"):  # in order: open() takes the lowest free descriptor
         if getattr(sys, name) is None:
             setattr(sys, name, _nowhere())
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
+    if isinstance(sys.stdout, io.TextIOWrapper):  # print names that the encoding lacks as escapes
         sys.stdout.reconfigure(errors="backslashreplace")
     for number in ENDING - {signal.SIGINT}:
         with suppress(ValueError):  # not in the main thread
@@ -309,12 +326,12 @@ def _end(number: int, _: object) -> None:
 
 
 def block_ending(blocked: bool = True) -> None:
-    """Block the signals that ask for an end, or unblock them, which delivers those pending."""
+    """Block the signals in ENDING, or unblock them, which delivers those that are pending."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK if blocked else signal.SIG_UNBLOCK, ENDING)
 
 
 def run_script(path: str | Path, argv: Sequence[str]) -> int:
-    """Run a stage's script in this process; return its exit code."""
+    """Run a stage's script in this process and return its exit code."""
     status: int = runpy.run_path(str(path))["main"](argv)
     return status

@@ -1,4 +1,4 @@
-"""What the program has beside its code: the Snakefile, stages, schemas, configuration, the demo's data."""
+"""Locations of the Snakefile, stages, schemas, configuration and demo data, in a checkout or a wheel."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ VERSION = "0.2.0"
 PACKAGE = Path(__file__).resolve().parent
 
 IN_CHECKOUT = (PACKAGE.parent / "Snakefile").is_file()
-"""Whether this is a checkout; an installed wheel has the same folders inside the package."""
+"""Whether the package is in a checkout; in an installed wheel the same folders are inside the package."""
 
 ROOT = PACKAGE.parent if IN_CHECKOUT else PACKAGE
-"""Folder in which Snakefile, stages/, schemas/, config/, data/ and profiles/ lie."""
+"""Folder that contains Snakefile, stages/, schemas/, config/, data/ and profiles/."""

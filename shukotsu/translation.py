@@ -1,8 +1,8 @@
-"""Sentences in the language of a page, by gettext; English, as it stands in the code, wherever none is set.
+"""Translation of sentences into the language of a page by gettext; without a language, they stay in English.
 
-`tr` translates a sentence, `ngettext` one with a plural, `word` the name of a joint, a segment or a digit. A
-constant is marked by `N_` and translated where it is shown. Nothing here reads a catalogue: whoever makes
-pages does, and sets its translations (`translating`).
+`tr` translates a sentence, `ngettext` a sentence with a plural, and `word` the name of a joint, segment or
+digit. A constant is marked by `N_` and translated when it is displayed. This module does not read catalogues:
+the code that makes pages reads them and sets the translations by `translating`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from contextvars import ContextVar
 from typing import Any
 
 Template = str | tuple[str, str]
-"""An English sentence with placeholders; one about a number `n` in the singular and the plural."""
+"""An English sentence with placeholders, or the singular and plural forms of one about a number `n`."""
 
 ENGLISH = "en"
 FOREIGN, END = "\ue000", "\ue001"
-"""Around what stays English on a page of another language: private characters, without a meaning."""
+"""Private-use characters that enclose text which stays English on a page in another language."""
 
 NAMES = {"hand", "digit", "digits", "joint", "joints", "angle", "segment", "segments", "parent", "child"}
 NAMES |= {"side", "across", "status"}
-"""Placeholders whose values are names of the project, which are translated, and not of a study."""
+"""Placeholders whose values are translated, because they are names of this project and not of a study."""
 
 _current: ContextVar[tuple[str, gettext.NullTranslations]] = ContextVar(
     "language", default=(ENGLISH, gettext.NullTranslations())
@@ -32,7 +32,7 @@ _current: ContextVar[tuple[str, gettext.NullTranslations]] = ContextVar(
 
 @contextmanager
 def translating(code: str, translations: gettext.NullTranslations) -> Iterator[None]:
-    """Translate the texts that are made within the context into a language."""
+    """Translate the sentences composed in the block into the language `code`."""
     token = _current.set((code, translations))
     try:
         yield
@@ -46,7 +46,7 @@ def language() -> str:
 
 
 def N_(sentence: str) -> str:  # noqa: N802
-    """Mark an English sentence for the catalogues and return it as it is."""
+    """Mark an English sentence for the catalogues and return it unchanged."""
     return sentence
 
 
@@ -56,23 +56,23 @@ def plural(singular: str, several: str) -> tuple[str, str]:
 
 
 def tr(sentence: str, **values: Any) -> str:
-    """Translate the sentence and put values into its placeholders."""
+    """Translate a sentence and fill in its placeholders."""
     text = _current.get()[1].gettext(sentence) if sentence else sentence
     return text.format(**_shown(values)) if values else text
 
 
 def ngettext(singular: str, plural: str, n: int, **values: Any) -> str:
-    """Translate a sentence about `n` things and put values, and n, into its placeholders."""
+    """Translate a sentence about `n` things and fill in its placeholders, including `n`."""
     return _current.get()[1].ngettext(singular, plural, n).format(**_shown({"n": n, **values}))
 
 
 def filled(template: Template, values: Mapping[str, Any]) -> str:
-    """Translate a sentence with its values; one with a plural by the value `n`."""
+    """Translate a sentence and fill in its placeholders; the value `n` selects singular or plural."""
     return tr(template, **values) if isinstance(template, str) else ngettext(*template, **values)
 
 
 def listed(names: Iterable[str]) -> str:
-    """List words as a sentence does: a, b and c."""
+    """Join words as in a sentence: a, b and c."""
     words = list(names)
     return tr(" and ").join([tr(", ").join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
@@ -83,11 +83,11 @@ _BESIDE = re.compile(
     rf"&#?\w+;|(?<={_EAST_ASIAN})(?:[,;:] |[.:;](?=\s*$))|[,;:] (?={_EAST_ASIAN})"
     rf"| ?\((?=[^()]*{_EAST_ASIAN})[^()]*\)|(?<={_EAST_ASIAN}) ?\([^()]*\)"
 )
-"""A character that HTML writes by its name; then half-width marks and brackets beside full-width letters."""
+"""An HTML character reference, or half-width marks and brackets next to full-width characters."""
 
 
 def punctuated(text: str) -> str:
-    """Return a text with the marks of its language beside its letters, where these are full-width."""
+    """Return a text with full-width punctuation next to full-width characters, if its language has it."""
     marks = {mark.strip(): tr(mark) for mark in _MARKS}
     if marks["."] == ".":
         return text
@@ -96,18 +96,18 @@ def punctuated(text: str) -> str:
         mark = found[0].strip()
         return f"（{mark[1:-1]}）" if mark.startswith("(") else marks.get(mark, found[0])
 
-    return _BESIDE.sub(full_width, _BESIDE.sub(full_width, text))  # a bracket, then the full stop behind it
+    return _BESIDE.sub(full_width, _BESIDE.sub(full_width, text))  # a bracket, then the full stop after it
 
 
 def foreign(text: str) -> str:
-    """Mark an English text, such as another program's message, on a page of another language."""
+    """Mark a text, such as another program's message, as English if the page is in another language."""
     if not text.strip() or language() == ENGLISH or FOREIGN in text:
         return text
     return f"{FOREIGN}{text}{END}"
 
 
 def translated(text: str) -> str:
-    """Return a text of the catalogue in the language in use; another one marked as English."""
+    """Return a text's translation in the language in use, or the text marked as English if it has none."""
     translation = tr(text)
     return translation if translation != text else foreign(text)
 
@@ -126,7 +126,7 @@ _PARTS: Mapping[str, str] = {
     "metacarpal": N_("metacarpal"), "proximal": N_("proximal phalanx"), "middle": N_("middle phalanx"),
     "distal": N_("distal phalanx"),
 }  # fmt: skip
-"""Joints and bones of a digit by the last part of their names; English pages show the names themselves."""
+"""Joints and bones of a digit by the last part of their names; English pages show the names unchanged."""
 
 _WORDS = (
     N_("right"), N_("left"), N_("thumb"), N_("index"), N_("middle"), N_("ring"), N_("little"), N_("wrist"),
@@ -134,13 +134,13 @@ _WORDS = (
     N_("used"), N_("excluded"), N_("failed"), N_("missing"), N_("refused"), N_("first-frame"),
     N_("least-squares"),
 )  # fmt: skip
-"""Other words of tables and layouts, for the catalogues."""
+"""Other words in tables and layouts that are translated."""
 
 _NAME = re.compile(r"(thumb|index|middle|ring|little)_([a-z]+)")
 
 
 def word(name: str) -> str:
-    """Return a joint, segment, digit, hand or angle as prose and pictures call it."""
+    """Return the name of a joint, segment, digit, hand or angle in the language in use."""
     if language() == ENGLISH:
         return name
     small = name.lower()

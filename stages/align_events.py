@@ -1,4 +1,4 @@
-"""Command line: files and rows of events -> events on the recordings' clocks, and clocks."""
+"""Command line: align events from files and sheets with the recordings' clocks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage align_events",
-        "Bring events of other devices to a recording's clock: MIDI notes, markers, what the tracker saw.",
+        "Align events with a recording's clock: MIDI notes, markers, sync pulses and buttons of the tracker.",
         "shukotsu stage align_events --poses poses.parquet --events take1.mid --pulses 'note 24 = sync' "
         "--recording take1.arrows --out events.parquet --out-clocks clocks.parquet",
     )
@@ -40,13 +40,16 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def align(arguments: argparse.Namespace) -> None:
-    """Align the events of every recording; where they cannot be read, the other recordings still are."""
+    """Align the events of every recording and write both tables.
+
+    With --record-failure, a recording whose events cannot be read does not affect the others.
+    """
     from shukotsu.movement.recording_events import aligned_rows
     from shukotsu.tables.typed_table import Provenance
 
     by_part, plan = recordings_of(arguments)
     if plan is not None:
-        subject_stage.poses_files(plan)  # which are those of the plan
+        subject_stage.poses_files(plan)  # raises an error if a poses table does not match the plan
     recordings = [recording for named in by_part.values() for recording in named]
     with_events = [recording for recording in recordings if recording.file is not None or recording.rows]
     files = [path for recording in with_events for path in (recording.poses, recording.file) if path]
@@ -62,7 +65,7 @@ def align(arguments: argparse.Namespace) -> None:
 def recordings_of(
     arguments: argparse.Namespace,
 ) -> tuple[dict[Part, list[RecordingEvents]], SubjectPlan | None]:
-    """Return the recordings that hold poses, by the part of the hand, and the plan where one is named."""
+    """Return the sources of events of recordings with poses, by the hand's part, and the plan, if named."""
     from shukotsu.errors import InputError
     from shukotsu.movement.recording_events import of_plan, recording_alone
     from shukotsu.study.plan_file import read_plan

@@ -1,4 +1,4 @@
-"""Command line: a recording's file -> its poses table (section 2 of the paper)."""
+"""Command line: convert a recording's file to a poses table (section 2 of the paper)."""
 
 from __future__ import annotations
 

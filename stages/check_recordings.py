@@ -1,4 +1,4 @@
-"""Command line: poses of a subject's recordings -> findings table, each finding printed."""
+"""Command line: check a subject's recordings; print the findings and write the findings table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage check_recordings",
-        "Test what was declared about recordings against what their poses say: units, orders, sides, swaps.",
+        "Check what was declared about recordings against their poses: units, orders, hands, swaps.",
         "shukotsu stage check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16",
     )
@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Check every recording of the subject that holds poses; print the findings and, if asked, write them."""
+    """Check every recording of the subject that has poses; print the findings and, with --out, write them."""
     from shukotsu.checks.checked_subject import check_subject
     from shukotsu.tables.catalogue import FINDINGS
     from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
@@ -45,7 +45,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
-    """Write for every recording a finding that says it was not checked, and why."""
+    """Write, for every recording, a finding which states that it was not checked, and why."""
     from shukotsu.errors import InputError
     from shukotsu.study.findings import unchecked_finding
     from shukotsu.tables.catalogue import FINDINGS

@@ -1,4 +1,4 @@
-"""Command line: the exports of all subjects -> one flat folder, as hard links."""
+"""Command line: collect the exports of all subjects in one folder, as hard links."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage collect_exports",
-        "Link every file of some folders, and of the folders in them, into one folder.",
+        "Link all files in several folders and their subfolders into one folder.",
         "shukotsu stage collect_exports --folders results/demo/sub-*/exports --out results/demo/exports",
         records_failure=False,
     )
-    parser.add_argument("--folders", type=Path, nargs="*", required=True, help="folders that hold exports")
+    parser.add_argument("--folders", type=Path, nargs="*", required=True, help="folders with exports")
     parser.add_argument("--out", type=Path, required=True, help="the folder to link them into")
     return parser
 
 
 def collect(arguments: argparse.Namespace) -> None:
-    """Link the files, except hidden ones: Snakemake keeps a folder's time stamp in one."""
+    """Link all files except hidden ones, such as Snakemake's time stamp of a folder."""
     arguments.out.mkdir(parents=True, exist_ok=True)
     for folder in arguments.folders:
         for path in sorted(folder.rglob("[!.]*")):
@@ -35,7 +35,7 @@ def collect(arguments: argparse.Namespace) -> None:
 
 
 def link_or_copy(source: Path, target: Path) -> None:
-    """Make `target` a hard link to the file, or a copy where the file system has no hard links."""
+    """Make `target` a hard link to `source`, or a copy if the file system has no hard links."""
     with replacing(target) as temporary:
         try:
             os.link(source, temporary)

@@ -1,4 +1,4 @@
-"""Command line: a study's scores and joint errors -> how its skeleton models compare."""
+"""Command line: compare a study's skeleton models by their scores and joint errors."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ build_parser = partial(
     command_line.study_parser,
     "compare_models",
     "Compare a study's skeleton models over its subjects: every subject's number under each model, and "
-    "what the differences say of two models.",
+    "tests of the differences between models.",
 )
 
 
 def compare(arguments: argparse.Namespace) -> None:
-    """Read the study's scores and errors, write the tables of comparisons."""
+    """Read the study's scores and errors and write the tables of comparisons."""
     from shukotsu.scores.comparisons import compare_study
     from shukotsu.study.results import Results
     from shukotsu.study.study import read_study

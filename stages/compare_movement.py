@@ -1,4 +1,4 @@
-"""Command line: a study's tables of movement -> how its subjects, sessions and tasks differ."""
+"""Command line: compare a study's movement between levels of its factors, sessions and trials."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from shukotsu import command_line
 build_parser = partial(
     command_line.study_parser,
     "compare_movement",
-    "Compare the movement of a study's subjects over its factors, and say how well it repeats.",
+    "Compare the movement of a study's subjects between factor levels, and state how well it repeats.",
 )
 
 
 def compare(arguments: argparse.Namespace) -> None:
-    """Read the study's tables of movement, write those of comparisons."""
+    """Read the study's tables of movement and write the tables of comparisons."""
     from shukotsu.movement.study_comparison import compare_study
     from shukotsu.study.results import Results
     from shukotsu.study.study import factor_levels, not_compared, read_study

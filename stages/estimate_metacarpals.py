@@ -1,4 +1,4 @@
-"""Command line: poses and joint centres -> wrist point, bone lengths and metacarpal postures."""
+"""Command line: estimate the wrist point, bone lengths and metacarpal postures from joint centres."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def estimate(arguments: argparse.Namespace) -> None:
-    """Build every skeleton of the plan, write the three tables."""
+    """Build every skeleton of the plan and write the three tables."""
     from shukotsu.paper.skeleton import write_skeleton
     from shukotsu.tables.parts import opened_once
 

@@ -1,4 +1,4 @@
-"""Command line: a subject's skeletons, recordings and their truth -> skeleton_scores, joint_errors."""
+"""Command line: score a subject's skeletons on recordings and, if known, against the truth."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
-    """Score the skeletons of each hand in every recording, write both tables."""
+    """Score the skeletons of each hand in every recording and write both tables."""
     from shukotsu.hand.known_digits import known_digits
     from shukotsu.scores.evaluation import evaluate_hand
     from shukotsu.study.config_files import REFERENCE

@@ -1,4 +1,4 @@
-"""Command line: poses, joints, bones and metacarpals -> tips and tip_errors tables."""
+"""Command line: replay skeletons and measure the errors of their tips."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
-    """Replay every skeleton of the plan in its recordings, write both tables."""
+    """Replay every skeleton of the plan in its recordings and write both tables."""
     from shukotsu.paper.replay import write_replay
     from shukotsu.tables.catalogue import TABLES
     from shukotsu.tables.parts import opened_once, part_metadata
@@ -38,7 +38,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
     plan = subject_stage.plan_of(arguments)
     made_of = [plan.table(name) for name in SKELETON_TABLES]
     for path, name in zip(made_of, SKELETON_TABLES, strict=True):
-        part_metadata(path, TABLES[name])  # another table is called that before it is held against the rest
+        part_metadata(path, TABLES[name])  # raises an error if it is a different table
     files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
     provenance = subject_stage.provenance_of(plan, made_of, files)
     subject_stage.check_made_together(*made_of)

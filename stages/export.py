@@ -1,4 +1,4 @@
-"""Command line: subjects' tables -> skeletons and their motion in formats that other programs read."""
+"""Command line: export skeletons and their motion in formats of other programs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--model whole-hand --formats bvh,csv --out exports",
     )
     add = parser.add_argument
-    add("--plan", type=Path, nargs="+", required=True, help="subjects' plans; tables are those beside them")
+    add("--plan", type=Path, nargs="+", required=True, help="subjects' plans, beside their tables")
     add("--poses", type=Path, nargs="*", default=[], dest="evaluated", help="poses, with the tables below")
     subject_stage.add_tables(parser, *TABLES, *POSED)
     add_options(parser)
@@ -33,7 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def export(arguments: argparse.Namespace) -> None:
-    """Export from the tables of one subject that are named, or from those beside each plan."""
+    """Export from the named tables of one subject, or from the tables beside each plan."""
     from shukotsu.errors import InputError
     from shukotsu.export.exported_plans import export_plans
     from shukotsu.study.plan_file import plan_of_results
@@ -42,14 +42,14 @@ def export(arguments: argparse.Namespace) -> None:
     if not any(vars(arguments)[name] for name in (*arguments.tables, "evaluated")):
         export_plans({path: plan_of_results(path) for path in paths}, arguments)
     elif len(paths) > 1:
-        raise InputError("--plan: names several subjects; name tables of one alone, or none")
+        raise InputError("--plan: names several subjects; name tables of only one subject, or no tables")
     else:
         options = argparse.Namespace(**vars(arguments) | {"plan": paths[0]})
         export_plans({paths[0]: subject_stage.plan_of(options)}, arguments)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why nothing could be exported."""
+    """Write the reason why nothing was exported."""
     from shukotsu.export import exported_plans
 
     exported_plans.record_failure(arguments, message)

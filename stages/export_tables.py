@@ -1,4 +1,4 @@
-"""Command line: the study's tables -> a CSV a table and a data dictionary: a Frictionless data package."""
+"""Command line: export the study's tables as CSV with a data dictionary (a Frictionless data package)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage export_tables",
-        "Write tables as CSV, and what their columns mean as a Frictionless data package, for R and others.",
+        "Write tables as CSV with descriptions of their columns: a Frictionless data package, for R etc.",
         "shukotsu stage export_tables --tables results/demo/*.parquet --study demo --out tidy",
         records_failure=False,
     )

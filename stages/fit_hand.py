@@ -1,4 +1,4 @@
-"""Command line: calibration poses -> the whole hand, and recordings posed with it."""
+"""Command line: fit the whole hand to its calibration, and pose recordings with it."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     command_line.add_outputs(parser, WRITES)
     parser.add_argument(
-        "--out-other", type=Path, help="fit the person's other hand too, each once: folder of its tables"
+        "--out-other", type=Path, help="also fit the person's other hand, and write its tables to this folder"
     )
     return parser
 
 
 def each_hand(arguments: argparse.Namespace) -> list[argparse.Namespace]:
-    """Return the arguments of every hand that is fitted, with its folder."""
+    """Return the arguments for each hand to fit, with the folder of its tables."""
     if arguments.out_other is None:
         return [arguments]
     other = {"hand": "left" if arguments.hand == "right" else "right", "out": arguments.out_other}
@@ -52,7 +52,7 @@ def each_hand(arguments: argparse.Namespace) -> list[argparse.Namespace]:
 
 
 def fit(arguments: argparse.Namespace) -> None:
-    """Fit every part of the hands and write their dimensions and their motion."""
+    """Fit every skeleton of the hands and write the tables of the fits and of the posed recordings."""
     from shukotsu.fit.calibration import calibrated_hand
     from shukotsu.fit.compile_kernel import held_kernel
     from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_fit
@@ -63,7 +63,7 @@ def fit(arguments: argparse.Namespace) -> None:
         with held_kernel(alone=False):
             plan = fitted_plan(subject_stage.plan_of(of_hand), of_hand.hand, of_hand.model)
         files = subject_stage.poses_files(plan)
-        if not plan.is_study:  # sheets of a study hold other subjects' rows as well
+        if not plan.is_study:  # a study's sheets also have rows of other subjects
             files += plan.sheets.values()
         with subject_stage.writing(of_hand, WRITES, Provenance.of(files, plan.folder)) as tables:
             for part in parts_of(plan, of_hand.hand, of_hand.model):
@@ -73,7 +73,7 @@ def fit(arguments: argparse.Namespace) -> None:
 
 
 def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
-    """Return the skeletons of the hand under the model."""
+    """Return the parts of a table: the skeletons of the hand under the model."""
     from shukotsu.fit.part_tables import fitted_plan, parts_of
 
     plan = fitted_plan(subject_stage.plan_of(arguments), arguments.hand, arguments.model)

@@ -1,4 +1,4 @@
-"""Command line: the tables of every hand and model -> the study's tables and a table of failures."""
+"""Command line: combine the subjects' tables into the study's tables, and list all problems."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from shukotsu import command_line
 build_parser = partial(
     command_line.study_parser,
     "gather",
-    "Put the tables of every hand and model of a study together, and list what went wrong.",
+    "Combine the tables of all hands and models of a study, and list what went wrong.",
 )
 
 
 def gather(arguments: argparse.Namespace) -> None:
-    """Read the tables of every hand and write the study's."""
+    """Read the subjects' tables and write the study's."""
     from shukotsu.study.results import Results
     from shukotsu.study.study import read_study
     from shukotsu.workflow.study_tables import gather_study

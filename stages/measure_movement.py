@@ -1,4 +1,4 @@
-"""Command line: poses, skeletons and fits, and events -> the subject's tables of movement."""
+"""Command line: measure movement from poses, skeletons, fits and events."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage measure_movement",
-        "Measure movement in every recording: ranges, speeds, cycles, ways of the fingertips, and which of "
-        "them struck at an event.",
+        "Measure movement in every recording: ranges, speeds, cycles, paths of the fingertips, and strokes "
+        "at events.",
         "shukotsu stage measure_movement --poses opposition/poses.parquet "
         "--joint-centres joint_centres.parquet --bone-lengths bone_lengths.parquet "
         "--metacarpals metacarpals.parquet --layout liberty16 --model paper-fig4 --out measured",
@@ -34,7 +34,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def measure(arguments: argparse.Namespace) -> None:
-    """Measure every recording under every whole skeleton, write the tables."""
+    """Measure every recording under every skeleton that is made from all tasks, and write the tables."""
     from shukotsu.movement.movement_rows import measure_hand
 
     plan = subject_stage.plan_of(arguments)
@@ -48,7 +48,7 @@ def measure(arguments: argparse.Namespace) -> None:
 
 
 def parts(arguments: argparse.Namespace, table: str) -> list[Part]:
-    """Return the parts of a table of the stage: hands, or whole skeletons."""
+    """Return the parts of a table of the stage: hands, or skeletons made from all tasks."""
     if table == "movement_cycles":
         return subject_stage.hands_of(arguments)
     return subject_stage.plan_of(arguments).whole_parts

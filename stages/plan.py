@@ -1,4 +1,4 @@
-"""Command line: a study file and its sheets -> one subject's plan."""
+"""Command line: write one subject's plan from a study file and its sheets."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage plan",
-        "Write what the stages need to know of the study about one subject, everything resolved.",
+        "Write all that the stages need to know of the study about one subject, with all settings resolved.",
         "shukotsu stage plan --study config/demo.yaml --subject 01 --results results/demo "
         "--out results/demo/sub-01/plan.json",
         records_failure=False,
     )
     command_line.add_study_options(parser)
     parser.add_argument("--subject", required=True, help="the subject, as in the recordings sheet")
-    parser.add_argument("--session", default="", help="the session, where the sheet names any")
+    parser.add_argument("--session", default="", help="the session, if the sheet names any")
     parser.add_argument("--out", type=Path, required=True, help="the plan to write")
     return parser
 
 
 def write_plan(arguments: argparse.Namespace) -> None:
-    """Read the study, write the subject's plan."""
+    """Read the study and write the subject's plan."""
     from shukotsu.study.plan_file import StudyPlans, plan_text
     from shukotsu.study.study import read_study
     from shukotsu.tables.whole_files import write_text

@@ -1,4 +1,4 @@
-"""Command line of the figures: a study's or one recording's, as SVG and PDF with their captions."""
+"""Command line: draw the figures of a study or of one recording, as SVG and PDF with captions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def draw(arguments: argparse.Namespace) -> None:
-    """Read the study's results and write every figure; say on stderr which has no data."""
+    """Read the study's results and write every figure; report on stderr which figures have no data."""
     from shukotsu.report.figures import recording_figures
     from shukotsu.report.figures.panels import save
     from shukotsu.report.figures.study_figures import of_study
@@ -59,15 +59,15 @@ def draw(arguments: argparse.Namespace) -> None:
                 why = (
                     drawing.missing
                     if print_language(study.language) == ENGLISH
-                    else "not drawn; the caption says why"
+                    else "not drawn; the caption states why"
                 )
                 print(f"{folder / drawing.name}: {why}", file=sys.stderr)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write, in place of a study's figures, the reason why there are none."""
+    """Write figures that state why the study's figures could not be drawn."""
     if arguments.recording:
-        print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
+        print("error: nothing was written, since no study lists a recording's figures", file=sys.stderr)
         return
     from shukotsu.report.figures.panels import not_drawn, save
     from shukotsu.study.results import STUDY_FIGURES

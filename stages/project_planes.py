@@ -1,4 +1,4 @@
-"""Command line: joint_solutions -> joint_centres table (without the wrist point)."""
+"""Command line: cut the axes of joint_solutions with their planes to get joint centres."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def project_planes(arguments: argparse.Namespace) -> None:
-    """Place every joint of every skeleton of the plan, write the table."""
+    """Place every joint of every skeleton of the plan and write the table."""
     from shukotsu.paper.plane import place_joints
 
     plan = subject_stage.plan_of(arguments)
     solutions = plan.table("joint_solutions")
     files = subject_stage.config_files(arguments)
-    files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
+    files += [] if plan.is_study else plan.sheets.values()  # a study's also have rows of other subjects
     provenance = subject_stage.provenance_of(plan, [solutions], files)
     with subject_stage.writing(arguments, WRITES, provenance) as tables:
         for part in plan.parts():

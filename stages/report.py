@@ -1,4 +1,4 @@
-"""Command line of the report stage: write the study's page."""
+"""Command line: write the study's page of the report."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """Read the study's results; write the page."""
+    """Read the study's results and write the page, or a page that states why it cannot be made."""
     from shukotsu.report.movement_results import read_movement
     from shukotsu.report.study_page import render_failure, render_study
     from shukotsu.report.study_results import read_results
@@ -43,7 +43,7 @@ def report(arguments: argparse.Namespace) -> None:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write a page that says why there is no report."""
+    """Write a page that states why there is no report."""
     from shukotsu.report.study_page import render_failure
     from shukotsu.report.templates import speaking
     from shukotsu.tables.whole_files import write_text

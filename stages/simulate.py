@@ -1,4 +1,4 @@
-"""Command line of the simulation."""
+"""Command line: simulate a recording of a hand, and write it with its truth."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu stage simulate",
-        "Simulate a hand recorded with 16 receivers at 240 Hz; write the exact truth beside it.",
+        "Simulate a hand recorded with 16 receivers at 240 Hz, and write the exact truth beside it.",
         "shukotsu stage simulate --subject 01 --hand right --task opposition --seed 7 "
         "--anatomy ct --out sub-01_hand-right_task-opposition.parquet",
         records_failure=False,
     )
-    parser.add_argument("--subject", required=True, help="any name; together with the seed it is a person")
-    parser.add_argument("--session", default="", help="any name; each has its receivers put on anew")
+    parser.add_argument("--subject", required=True, help="any name; it and the seed determine the person")
+    parser.add_argument("--session", default="", help="any name; receivers are put on anew in each session")
     parser.add_argument("--hand", required=True, choices=("right", "left"))
     parser.add_argument("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
-    parser.add_argument("--seed", type=int, default=0, help="same seed, same bytes (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="equal seeds give equal bytes (default: 0)")
     parser.add_argument("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
     parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
-    parser.add_argument("--frames", type=int, help="frames (default: opposition 3774, rom 7200)")
+    parser.add_argument("--frames", type=int, help="number of frames (default: opposition 3774, rom 7200)")
     add_realism_options(parser)
     return parser
 
 
 def add_realism_options(parser: argparse.ArgumentParser) -> None:
-    """Add an option for each real-world effect; --realism sets the ones not given."""
+    """Add an option for each real-world effect; --realism sets those that are not given."""
     group = parser.add_argument_group("realism")
     group.add_argument(
         "--realism",
@@ -46,17 +46,17 @@ def add_realism_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--anatomy",
         choices=ANATOMIES,
-        help="whom the person is drawn around: a blend of published hands, the person's own, or one of them "
-        "(default: blend)",
+        help="mean of the hands that the person is drawn from: a random blend of published hands, or one of "
+        "them (default: blend)",
     )
     for name, what in (
         ("mounts", "how far receivers are misplaced"),
         ("artefact", "how far skin moves receivers"),
-        ("faults", "how often the tracker loses poses, names the wrong hemisphere and jumps"),
+        ("faults", "how often the tracker loses poses, mistakes the hemisphere and jumps"),
     ):
         usual = 0 if name == "faults" else 1
         group.add_argument(
-            f"--{name}", type=_scale, help=f"{what}, over what is usual (default: {usual}; exact: 0)"
+            f"--{name}", type=_scale, help=f"{what}, relative to what is usual (default: {usual}; exact: 0)"
         )
 
 
@@ -67,12 +67,12 @@ def _scale(text: str) -> float:
     except ValueError:
         scale = -1.0
     if not 0.0 <= scale <= 10.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no scale; expected a number from 0 to 10")
+        raise argparse.ArgumentTypeError(f"is {text!r}; expected a number from 0 to 10")
     return scale
 
 
 def write_simulation(arguments: argparse.Namespace) -> None:
-    """Simulate one recording; write it and its truth."""
+    """Simulate one recording and write it with its truth."""
     from shukotsu.simulate.realism import Realism
     from shukotsu.simulate.recording import check_ending, write_recording
     from shukotsu.simulate.simulation import simulate

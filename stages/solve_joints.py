@@ -1,4 +1,4 @@
-"""Command line: poses of the calibration recordings -> joint_solutions table."""
+"""Command line: solve joints from the poses of calibration recordings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def solve(arguments: argparse.Namespace) -> None:
-    """Solve the joints of every hand under every model, also without each task that is left out in turn."""
+    """Solve the joints of every hand under every model, with all tasks and without each task left out."""
     from shukotsu.errors import InputError
     from shukotsu.hand.known_digits import refusal
     from shukotsu.paper.part_solutions import PartRequest, solve_parts
@@ -33,7 +33,7 @@ def solve(arguments: argparse.Namespace) -> None:
 
     plan = subject_stage.plan_of(arguments)
     if not plan.models:
-        raise InputError("--model: none is given; expected a skeleton model that ships, or a path")
+        raise InputError("--model: is missing; expected a skeleton model that ships, or a path")
     provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
     requests = [
         PartRequest(

@@ -1,4 +1,4 @@
-"""Command line: a recording -> the raw capture that a tracker's recorder would have made of it."""
+"""Command line: convert a recording to the raw capture that the recorder of a tracker would have made."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def stream(arguments: argparse.Namespace) -> None:
-    """Play the recording by the emulated tracker, straight into the capture."""
+    """Play the recording on the emulated tracker and write what it sends to the capture."""
     from shukotsu.readers.played_recording import read_played_recording
     from shukotsu.tracker.emulated_device import EmulatedLiberty
     from shukotsu.tracker.emulator import write_archive

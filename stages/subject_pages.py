@@ -1,4 +1,4 @@
-"""Command line: a subject's tables -> the report's pages of that subject and of each of its recordings."""
+"""Command line: write the report's pages of a subject and of each of its recordings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage subject_pages",
-        "Write a subject's pages of the report: one of the subject, one of each evaluated recording.",
+        "Write a subject's pages of the report: one for the subject, and one for each recording.",
         "shukotsu stage subject_pages --plan results/demo/sub-01/plan.json --out results/demo/report/sub-01",
     )
     parser.add_argument("--plan", type=Path, required=True, metavar="JSON", help="the subject's plan")
@@ -30,14 +30,14 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def write_pages(arguments: argparse.Namespace) -> None:
-    """Write the pages that the arguments ask for."""
+    """Write the pages of the subject in the plan."""
     from shukotsu.report import subject_page  # not at start-up: --help needs no NumPy
 
     subject_page.write_pages(arguments)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write pages that say why no page could be made."""
+    """Write pages that state why no page could be made."""
     from shukotsu.report import subject_page
 
     subject_page.record_failure(arguments, message)

@@ -29,7 +29,7 @@ REFUSED = {
     "emulate --pty --recording none.parquet": "none.parquet: no such file",
     "emulate --pty /nowhere/at/all": "/nowhere/at/all: cannot be made a link",
     "emulate --archive out.arrows": "--archive: needs a recording",
-    "emulate --archive out.bin --recording r.csv": "out.bin: is to be a raw capture",
+    "emulate --archive out.bin --recording r.csv": "out.bin: expected a name that ends with .arrows",
     "emulate --archive o.arrows --recording r.csv --loop": "--loop: needs a port",
     "record --ask": "--port: is missing; `shukotsu record --devices` lists",
     f"{RECORD} --duration 0": "--duration: is 0; expected seconds above 0",
@@ -53,11 +53,11 @@ REFUSED = {
     "coach --replay=x.arrows -- --rate=240": "--rate=240: is an option of the recorder",
     "coach --port=socket://127.0.0.1:1": "socket://127.0.0.1:1: nothing was recorded",
     "import --in=r.csv --layout=a --subject= --hand=left --task=rom --out=p": "--subject: is empty",
-    "new there": "there/recordings.tsv: is there already; name another folder, or edit that file",
+    "new there": "there/recordings.tsv: already exists; name another folder, or edit that file",
     "new a --recordings absent": "--recordings: absent: no such folder; give the folder of your",
-    "new a --recordings there": "--recordings: there: holds no recording; expected files that end",
+    "new a --recordings there": "--recordings: there: contains no recording; expected files that end",
     "new a --layout hand": "layout 'hand' is neither a layout that ships",
-    "check": "study.yaml: there is none in ",
+    "check": "study.yaml: not found in ",
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""List the commands of `shukotsu`, each with the module whose `main` takes its arguments."""
+"""The commands of `shukotsu`; each is a module whose `main` takes the command's arguments."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HERE = "shukotsu.commands"
 
 
 class Command(NamedTuple):
-    """A command: its module, and what it does in a line."""
+    """A command: its module, and a summary in one line."""
 
     module: str
     summary: str
@@ -23,23 +23,23 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "new": Command(f"{_HERE}.new_study", "make a study folder with files to edit"),
-    "check": Command(f"{_HERE}.check_file", "read a study, or say whether a recording went well"),
-    "run": Command(f"{_HERE}.run_study", "run a study, or what of it is out of date"),
-    "demo": Command(f"{_HERE}.run_demo", "run the demo's study in this folder"),
-    "report": Command(f"{_HERE}.show_report", "name, print or open a study's report"),
+    "check": Command(f"{_HERE}.check_file", "check a study, or whether a recording went well"),
+    "run": Command(f"{_HERE}.run_study", "run a study, or only what is out of date"),
+    "demo": Command(f"{_HERE}.run_demo", "run the demo study in this folder"),
+    "report": Command(f"{_HERE}.show_report", "locate, print or open a study's report"),
     "export": Command(f"{_HERE}.export_study", "write a study's moving skeletons for other programs"),
     "record": Command(f"{_HERE}.record_tracker", "record a tracker into a raw capture"),
-    "coach": Command(f"{_HERE}.coach_hand", "record a hand's calibration and coach it while it is recorded"),
-    "emulate": Command(f"{_HERE}.emulate_tracker", "be a tracker, for a recorder without one at hand"),
-    "inspect": Command(f"{_HERE}.inspect_file", "say what is in a file, and draft the mapping that it needs"),
-    "import": Command(f"{_HERE}.import_file", "turn a recording's file into the poses table"),
+    "coach": Command(f"{_HERE}.coach_hand", "record a hand's calibration and advise while it is recorded"),
+    "emulate": Command(f"{_HERE}.emulate_tracker", "emulate a tracker, to try recording without one"),
+    "inspect": Command(f"{_HERE}.inspect_file", "describe a file, and draft the mapping that it needs"),
+    "import": Command(f"{_HERE}.import_file", "convert a recording's file to a poses table"),
     "stage": Command(f"{_HERE}.run_stage", "run one stage of the pipeline alone"),
-    "doctor": Command(f"{_HERE}.doctor", "say what is installed, what is missing, what this machine can do"),
+    "doctor": Command(f"{_HERE}.doctor", "show what is installed and missing, and what this machine can do"),
 }
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the first argument; every command parses its own."""
+    """Return the parser of the first argument; every command parses the others itself."""
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {command.summary}" for name, command in COMMANDS.items()]
     parser = argparse.ArgumentParser(
@@ -57,7 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 USUAL = Path("study.yaml")
-HELP = f"the study file (default: {USUAL} of this folder)"
+HELP = f"the study file (default: {USUAL} in this folder)"
 
 
 def add_study(parser: argparse.ArgumentParser) -> None:
@@ -66,11 +66,14 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 
 def read_files(study: Path) -> StudyFiles:
-    """Read the study and all that it names. Raises InputError as a run would, also where there is no file."""
+    """Read a study file and all files that it names.
+
+    Raises InputError if the file does not exist, or for the same reasons as a run.
+    """
     from shukotsu.workflow.study_files import StudyFiles
 
     if study == USUAL and not study.exists():
         raise InputError(
-            f"{study}: there is none in {Path.cwd()}; name the study file, or make one: `shukotsu new FOLDER`"
+            f"{study}: not found in {Path.cwd()}; name the study file, or make one: `shukotsu new FOLDER`"
         )
     return StudyFiles(study)

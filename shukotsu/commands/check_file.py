@@ -1,4 +1,4 @@
-"""Command line: read a study as a run would, or say of a recording whether it went well."""
+"""Command line: check a study as a run would read it, or check whether a recording went well."""
 
 from __future__ import annotations
 
@@ -22,30 +22,33 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu check",
-        "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
-        "say what in its recordings contradicts what was declared. Of a recording: say that, and which "
-        "measurements on the hand would gain most. It ends with 0 where there is no finding or notes alone, "
-        "with 1 where something is suspect, with 2 where something is refused or cannot be read.",
+        "Read a study file and all files that it names as a run would, list what it reads outside its "
+        "folder, and report what in its recordings contradicts what was declared. For a single recording, "
+        "also report which measurements on the hand would help most. Exit code: 0 with no finding or only "
+        "notes, 1 if something is suspect, 2 if something is refused or cannot be read.",
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
     )
     parser.add_argument(
         "file", nargs="?", type=Path, default=USUAL, metavar="STUDY_OR_RECORDING", help=f"default: {USUAL}"
     )
-    recording = parser.add_argument_group("of a recording")
-    recording.add_argument("--hand", choices=("right", "left"), help="which hand it is of")
+    recording = parser.add_argument_group("for a recording")
+    recording.add_argument("--hand", choices=("right", "left"), help="which hand it shows")
     recording.add_argument("--layout", default="liberty16", help="a layout that ships, or a path (liberty16)")
     recording.add_argument(
         "--mapping", type=Path, help="how to read a file of another program, as `shukotsu inspect` drafts it"
     )
     recording.add_argument(
-        "--repair-hemisphere", action="store_true", help="put back what is on the transmitter's other side"
+        "--repair-hemisphere", action="store_true", help="correct positions on the transmitter's wrong side"
     )
     return parser
 
 
 def check(arguments: argparse.Namespace) -> int:
-    """Check the study or the recording; return the exit code. Raises InputError as a run would."""
+    """Check the study or the recording; return the exit code.
+
+    Raises InputError if it cannot be read.
+    """
     if arguments.file.suffix.lower() in STUDY_ENDINGS:
         from shukotsu.commands.check_study import check_study
 
@@ -54,15 +57,15 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def check_recording(arguments: argparse.Namespace) -> int:
-    """Import a recording for the moment; print its findings, or else what would improve its hand.
+    """Import a recording temporarily and print its findings; return the most severe one's exit code.
 
-    Return the exit code of the gravest finding.
+    If that is 0, also print what would improve the hand most.
     """
     path, hand, layout, mapping = arguments.file, arguments.hand, arguments.layout, arguments.mapping
     with reading(path, "a study or a recording"):
         path.stat()
     if hand is None:
-        raise InputError(f"{path}: --hand is missing; say which hand the recording is of, right or left")
+        raise InputError(f"{path}: --hand is missing; state which hand the recording shows, right or left")
     from shukotsu.checks.checked_subject import checked_poses  # late, as they take a second to import
     from shukotsu.readers.import_recording import import_for_the_moment
     from shukotsu.study.findings import EXIT_CODES
@@ -81,7 +84,7 @@ def check_recording(arguments: argparse.Namespace) -> int:
         for finding in findings:
             print(finding.line)
         if status := max((EXIT_CODES[finding.severity] for finding in findings), default=0):
-            return status  # before that is settled, nothing can be said of joints
+            return status  # until this is resolved, joints cannot be judged
         print("" if findings else "no finding\n", end="")
         for line in _gain_lines(poses, worn, hand):
             print(line)
@@ -89,7 +92,7 @@ def check_recording(arguments: argparse.Namespace) -> int:
 
 
 def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
-    """Format what would make the hand fitted to these poses better; nothing of a layout of no hand."""
+    """Describe what would improve the hand fitted to these poses; no lines if the layout is not of a hand."""
     from numpy.linalg import LinAlgError
 
     from shukotsu.fit.calibration import read_thinned
@@ -108,7 +111,7 @@ def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
 
 
 def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
-    """Return the same error, or where the file can be read by a mapping, what leads to one."""
+    """Return the error, or, if a mapping can be drafted for the file, one that explains how."""
     from shukotsu.commands.inspect_file import describe
     from shukotsu.study.layout import read_layout
 

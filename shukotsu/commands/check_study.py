@@ -1,4 +1,4 @@
-"""Read a study and its recordings as a run would; report faults, and files outside its folder."""
+"""Read a study and its recordings as a run would, and report faults and files outside its folder."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from shukotsu.errors import InputError, count_of, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.findings import EXIT_CODES, REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
+from shukotsu.study.study import Recording, unmatched_rows, unused_columns
 from shukotsu.tables.line_printer import progress
 from shukotsu.tables.poses import usable_poses
 from shukotsu.workflow.study_files import StudyFiles, import_options
 
-Said = tuple[str, int, str]
-"""Name of a recording or hand, the exit code of a sentence about it, and the sentence."""
+NamedFinding = tuple[str, int, str]
+"""Name of a recording or hand, an exit code, and a sentence about the recording or hand."""
 
 
 def check_study(path: Path) -> int:
-    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
+    """Print a summary of a study, what it reads outside its folder, and the findings on its recordings.
 
-    Return the exit code: 2 where something cannot be read or used, else 1 where something is suspect, else 0.
+    Return the exit code: 2 if something cannot be read or used, else 1 if something is suspect, else 0.
     """
     files = read_files(path)
     study = files.study
     sizes = {"subject": study.subjects, "recording": study.recordings, "model": study.models}
     counts = ", ".join(count_of(len(each), noun) for noun, each in sizes.items())
     print(f"{path}: study {study.name}, {counts}")
-    notes = (*unmatched_rows(study), *columns_handed_on(study), *_outside(path, files))
+    notes = (*unmatched_rows(study), *unused_columns(study), *_outside(path, files))
     for note in (*(row.message for row in study.unusable), *notes):
         print(f"note: {note}")
     recordings_by_finding: dict[str, list[str]] = {}
@@ -54,11 +54,14 @@ def check_study(path: Path) -> int:
 
 
 def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
-    """List what a study reads outside its folder, links followed, a sentence a folder."""
+    """Yield, for each folder outside the study's, a sentence on what the study reads there.
+
+    Symbolic links are followed.
+    """
     shipped, folder = CONFIG_FOLDER, path.resolve().parent
     read = [*map(Path, files.configuration), *(recording.source.file for recording in files.study.recordings)]
     read += [each.source.mapping for each in files.study.recordings if each.source.mapping is not None]
-    real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
+    real = {Path(os.path.realpath(each)) for each in read}  # a link to itself is kept as it is
     outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]
     ordered = sorted(outside, key=lambda each: (each.parent, each.name))
     for parent, group in groupby(ordered, attrgetter("parent")):
@@ -70,17 +73,17 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
             yield f"reads {what}, outside the study's folder: {', '.join(names)}"
 
 
-def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
-    """Import every recording into a temporary folder; return the findings."""
+def _findings_of_recordings(plans: list[SubjectPlan]) -> list[NamedFinding]:
+    """Import all recordings into a temporary folder and return the findings on them."""
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
-    findings: list[Said] = []
+    findings: list[NamedFinding] = []
     digests: list[tuple[Recording, str]] = []
     done = 0
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
         for plan in plans:
             recordings = [recording for recording in plan.recordings if not recording.exclude]
             poses = {r.key_in_session: Path(folder, f"{done + n}.parquet") for n, r in enumerate(recordings)}
-            for recording in recordings:  # as a run does, be it a table of why it cannot be read
+            for recording in recordings:  # as in a run, a table states why a recording cannot be read
                 output = io.StringIO()
                 file = poses[recording.key_in_session]
                 argv = ["--record-failure", *import_options(recording), f"--out={file}"]
@@ -96,11 +99,14 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
             findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()
-    return findings + [_said(_name(recording), finding) for recording, finding in copies(digests)]
+    return findings + [_named_finding(_name(recording), finding) for recording, finding in copies(digests)]
 
 
-def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[Said]:
-    """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
+def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[NamedFinding]:
+    """Return the findings on a subject's recordings, and why recordings cannot be read.
+
+    Each recording is appended to `digests` with the digest of its poses.
+    """
     findings = [
         (_name(recording), 2, f"cannot be read: {reason}")
         for recording in plan.recordings
@@ -108,17 +114,17 @@ def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]
     ]
     for recording, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
         accepted = (finding.accept(recording.accept) for finding in checked.findings)
-        findings += [_said(_name(recording), finding) for finding in accepted]
+        findings += [_named_finding(_name(recording), finding) for finding in accepted]
         digests.append((recording, checked.digest))
     for hand in plan.hands:
         if not plan.all_calibrating(hand):
             who = plan.hand(hand)
             name = " ".join(filter(None, (who.subject, who.session, who.hand)))
-            findings.append(_said(name, Finding("hand", REFUSED, "uncalibrated")))
+            findings.append(_named_finding(name, Finding("hand", REFUSED, "uncalibrated")))
     return findings
 
 
-def _said(name: str, finding: Finding) -> Said:
+def _named_finding(name: str, finding: Finding) -> NamedFinding:
     return name, EXIT_CODES[finding.severity], f"{finding.severity}: {finding.kind}: {finding.message}"
 
 

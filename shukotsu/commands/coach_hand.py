@@ -1,4 +1,4 @@
-"""Command line: a hand's calibration, coached while it is recorded, followed or replayed."""
+"""Command line: coach a hand's calibration while it is recorded, followed or replayed."""
 
 from __future__ import annotations
 
@@ -19,33 +19,31 @@ if TYPE_CHECKING:
     from shukotsu.tracker.conversation import StopRequest
 
 USUAL = Path("study.yaml")
-PUT_RIGHT = "receivers were put right in it"
+PUT_RIGHT = "receivers were corrected during it"
 SOURCES = ("port", "follow", "replay")
 READ_S, LOST_S, FIRST_S = 0.1, 5.0, 20.0
-"""Interval of reading; seconds without data after which a warning is printed, and the longer limit at the
-start, while the tracker is being set up."""
+"""Interval between readings; time without data after which a warning is printed; and the longer such time at
+the start, while the tracker is being set up."""
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu coach",
-        "Say, while the receivers are on a hand, what is worn wrongly, which movement helps most next, how\n"
-        "sure each joint is, and when it is enough. Ctrl-C ends it. A page, one HTML file that loads itself\n"
-        "again, shows the same and the hand.",
+        "While the receivers are on a hand, report what is worn wrongly, which movement helps most next,\n"
+        "how certain each joint is, and when it is enough. Ctrl-C ends it. A page, one HTML file that\n"
+        "reloads itself, shows the same and the hand.",
         "shukotsu coach --replay FILE --speed 4\n"
         "  shukotsu coach --follow FILE --hand left\n"
         "  shukotsu coach --port /dev/ttyUSB0 --study study.yaml --subject 03 -- --hemisphere 0,0,1",
     )
     add = parser.add_argument
-    add("--port", help="record there, and coach what is recorded; such as /dev/ttyUSB0")
+    add("--port", help="record from this port, such as /dev/ttyUSB0, and coach what is recorded")
     add("--follow", type=Path, metavar="FILE", help="coach an archive that `shukotsu record` is writing")
-    add("--replay", type=Path, metavar="FILE", help="coach an archive that was recorded, as it came")
-    add("--speed", type=float, default=1.0, help="of --replay; 0: as fast as it goes (default: 1)")
-    add(
-        "--page", type=Path, metavar="FILE", help="the page (default: beside the recording; of --replay none)"
-    )
-    add("--study", type=Path, help=f"the study (default: none; with --port {USUAL} of this folder, if any)")
+    add("--replay", type=Path, metavar="FILE", help="coach a finished archive as if it were being recorded")
+    add("--speed", type=float, default=1.0, help="of --replay; 0: as fast as possible (default: 1)")
+    add("--page", type=Path, metavar="FILE", help="the page (default: beside the recording; --replay: none)")
+    add("--study", type=Path, help=f"the study (default: none; with --port {USUAL} in this folder, if any)")
     add("--subject", help="whose hand it is in the study")
     add("--hand", choices=("right", "left"), default="right", help="which hand (default: right)")
     add("--layout", help="which receiver sits where (default: the study's, or liberty16)")
@@ -54,13 +52,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
-    """Coach; return the exit code."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the other processors are the recorder's
+    """Run the command and return the exit code."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # leave the other processors to the recorder
     return command_line.run(build_parser, argv, coach)
 
 
 def coach(arguments: argparse.Namespace) -> None:
-    """Coach one hand. Raises InputError where there is nothing to coach."""
+    """Coach one hand. Raises InputError if options contradict each other or there is nothing to coach."""
     if sum(getattr(arguments, name) is not None for name in SOURCES) != 1:
         raise InputError("expected one of --port (to record), --follow and --replay")
     if not arguments.speed >= 0:
@@ -68,7 +66,7 @@ def coach(arguments: argparse.Namespace) -> None:
     if arguments.page is not None and arguments.page.suffix != ".html":
         raise InputError(f"--page: is {arguments.page}; expected a name that ends with .html")
     if arguments.recorder and arguments.port is None:
-        raise InputError(f"{arguments.recorder[0]}: is an option of the recorder; expected --port with it")
+        raise InputError(f"{arguments.recorder[0]}: is an option of the recorder, which needs --port")
     if arguments.follow is not None and not arguments.follow.is_file():
         raise InputError(f"{arguments.follow}: no such file; start `shukotsu record --out` first")
     from shukotsu.coach.study import hand_alone, hand_of
@@ -87,7 +85,7 @@ def coach(arguments: argparse.Namespace) -> None:
         if arguments.port is None:
             _coach_archive(arguments, hand, stop)
         while arguments.port is not None and _record(arguments, hand, stop):
-            print("receivers were put right: a new recording begins", file=sys.stderr)
+            print("receivers were corrected: a new recording begins", file=sys.stderr)
 
 
 def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> None:
@@ -116,11 +114,11 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     from shukotsu.fit.compile_kernel import compile_all
 
     folder = Path() if arguments.study is None else arguments.study.parent
-    compile_all()  # before anything comes
+    compile_all()  # before data arrive
     coached, archive = Coach(hand), new_archive(folder, hand.whose, hand.hand)
     archive.parent.mkdir(parents=True, exist_ok=True)
     recorder = Recorder(archive, [f"--port={arguments.port}", *arguments.recorder])
-    arguments.page = arguments.page or archive.with_suffix(".html")  # of a recording that begins anew too
+    arguments.page = arguments.page or archive.with_suffix(".html")  # also of the recordings that follow
     code = 0
     try:
         _run(coached, recorder, archive, arguments.page, stop)
@@ -135,7 +133,7 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
         try:
             sheet = enter_recording(arguments.study, hand.whose, archive, exclude)
         except InputError as error:
-            raise InputError(f"{archive} is recorded, but no row of the study: {error}") from error
+            raise InputError(f"{archive} is recorded, but is not in the study's sheet: {error}") from error
         how = f" as excluded: {exclude}" if exclude else ""
         print(f"{archive}: entered in {sheet}{how}")
     else:
@@ -148,7 +146,7 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
 def _run(
     coached: Coach, source: Source, archive: Path, page: Path | None, stop: StopRequest, *, live: bool = True
 ) -> None:
-    """Coach until the archive ends or somebody ends it; of a recorder also until receivers were put right."""
+    """Coach until the source ends, a stop is requested or, while recording, receivers were corrected."""
     from shukotsu.coach.live_poses import LivePoses, Recorder
     from shukotsu.coach.page import EVERY_S, write_page
     from shukotsu.tables.poses import joined_poses
@@ -157,20 +155,20 @@ def _run(
     written_s, heard_s, lost = -EVERY_S, time.monotonic(), ""
 
     def advise(pieces: list[Piece]) -> bool:
-        """Print what the coach says of the frames in them; return whether there were any."""
+        """Print the coach's advice on the frames in these pieces; return whether there were any frames."""
         arrived = [whole for piece in pieces if (whole := poses.add(piece)) is not None]
         for line in coached.take(joined_poses(arrived), may_leave_out=live) if arrived else ():
             print(line, flush=True)
         return bool(arrived)
 
     def show(page: Path) -> Path | None:
-        """Write the page; return where, or None where it can be no more and the recording goes on."""
+        """Write the page and return its path, or None if a live recording has to go on without it."""
         try:
             write_page(page, coached, title, lost)
         except InputError as error:
             if not live:
                 raise
-            print(f"note: no page any more: {error}", file=sys.stderr)
+            print(f"note: the page is no longer updated: {error}", file=sys.stderr)
             return None
         return page
 
@@ -182,7 +180,7 @@ def _run(
         if advise(pieces):
             heard_s, lost = time.monotonic(), ""
         elif live and time.monotonic() - heard_s > (LOST_S if coached.frames else FIRST_S) and not lost:
-            lost = "Nothing comes: look at the cable and the recorder."
+            lost = "No data arrive: check the cable and the recorder."
             print(lost, file=sys.stderr, flush=True)
         if page is not None and coached.frames and time.monotonic() - written_s >= EVERY_S:
             page = show(page)

@@ -1,4 +1,4 @@
-"""Command line: what studies need and is missing, and what this machine can do."""
+"""Command line: show what studies need, what is missing, and what this machine can do."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from shukotsu import command_line
 from shukotsu.commands.run_study import SNAKEFILE
 
 LEAST_DISK_GB = 1.0
-"""A study of the demo's kind takes as much."""
+"""Free disk space, GB, that a study like the demo needs."""
 
 
 class Check(NamedTuple):
-    """One check. needed : whether studies cannot run without it; remedy : where it is not there."""
+    """Result of one check. needed : whether studies need it. remedy : what to do if it is not there."""
 
     name: str
     state: str
@@ -30,7 +30,7 @@ class Check(NamedTuple):
     needed: bool = False
 
     def line(self) -> str:
-        """Return the check as a line of text."""
+        """Return the result as a line of text."""
         mark = "ok" if self.there else "MISSING" if self.needed else "-"
         return f"{mark:8}{self.name:10}{self.state}{'' if self.there else f'; {self.remedy}'}"
 
@@ -39,23 +39,23 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu doctor",
-        "Say what is installed, what is missing and what for, and what this machine can do. Ends with 2 "
-        "where no study can run.",
+        "Show what is installed, what is missing and what for, and what this machine can do. Exit code: 2 if "
+        "no study can run.",
         "shukotsu doctor",
     )
     parser.add_argument(
-        "--snakefile", action="store_true", help="print the Snakefile's path alone, for Snakemake itself"
+        "--snakefile", action="store_true", help="print only the Snakefile's path, to pass to Snakemake"
     )
     return parser
 
 
 def checks() -> Iterator[Check]:
-    """Look at everything, what studies need first; of serial ports name those that this user may not open."""
+    """Yield the results of all checks: packages and disk, which studies need, then serial ports."""
     state = f"Python {platform.python_version()} at {sys.executable}, on {platform.system()}"
     missing = []
     try:
         for requirement in requires("shukotsu") or []:
-            if "extra ==" in requirement:  # some users want it
+            if "extra ==" in requirement:  # optional
                 continue
             name = re.split(r"[^\w.-]", requirement)[0]
             try:
@@ -79,13 +79,13 @@ def checks() -> Iterator[Check]:
     ports = [port.device for port in comports()]
     closed = [port for port in ports if not os.access(port, os.R_OK | os.W_OK)]
     state = f"serial ports: {', '.join(ports)}" if ports else "no serial port"
-    state += f"; not to be opened by this user: {', '.join(closed)}" if closed else ""
-    remedy = "join the ports' group (often dialout) and log in anew" if closed else "only `record` needs one"
+    state += f"; this user has no permission for {', '.join(closed)}" if closed else ""
+    remedy = "join the ports' group (often dialout) and log in again" if closed else "only `record` needs one"
     yield Check("tracker", state, bool(ports) and not closed, remedy)
 
 
 def doctor(options: argparse.Namespace) -> int:
-    """Print every check; return 0 where a study can run, else 2."""
+    """Print the results of all checks; return 0 if a study can run, else 2."""
     if options.snakefile:
         print(SNAKEFILE)
         return 0

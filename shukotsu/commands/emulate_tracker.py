@@ -1,4 +1,4 @@
-"""Command line of the emulator."""
+"""Command line: emulate a tracker on a port, or write what it would send into a raw capture."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu emulate",
-        "Be a Polhemus LIBERTY for a recorder: on a pseudo-terminal, on a TCP port of this machine, or\n"
-        "straight into a raw capture. Prints what a client is to open; ends with Ctrl-C.",
+        "Emulate a Polhemus LIBERTY on a pseudo-terminal or on a TCP port of this machine, or write a raw\n"
+        "capture directly. Prints the name of the port for a recorder to open; Ctrl-C ends it.",
         "shukotsu emulate --pty /tmp/tracker --stations 1-8\n"
         "  shukotsu emulate --tcp 4001 --recording rom.parquet --layout liberty16 --loop",
     )
@@ -29,10 +29,10 @@ def build_parser() -> argparse.ArgumentParser:
     link: dict[str, Any] = {"nargs": "?", "const": Path(), "type": Path, "metavar": "LINK"}
     add("--pty", **link, help="on a pseudo-terminal, linked to LINK")
     add("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
-    add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once")
+    add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, no port")
     add = parser.add_argument
-    add("--stations", metavar="1-16", help="plugged receivers, such as 1-4,7 (default: all)")
-    add("--rate", type=int, choices=(240, 120), default=240, help="frames a second at power-up")
+    add("--stations", metavar="1-16", help="connected receivers, such as 1-4,7 (default: all)")
+    add("--rate", type=int, choices=(240, 120), default=240, help="frames per second at power-up")
     add("--recording", type=Path, help="play this recording instead of the built-in motion")
     add("--layout", default="liberty16", help="which segment sits on which station (default: liberty16)")
     add("--loop", action="store_true", help="begin the recording again at its end")
@@ -40,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def emulate(options: argparse.Namespace) -> None:
-    """Check the options; then serve a port, or write an archive."""
+    """Check the options, then serve a port or write an archive."""
     from shukotsu.tracker.conversation import parse_stations
     from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
     from shukotsu.tracker.emulator import Emulator, PtyPort, TcpPort, serve, write_archive
@@ -49,11 +49,11 @@ def emulate(options: argparse.Namespace) -> None:
         if options.recording is None:
             raise InputError("--archive: needs a recording to write; give --recording")
         if options.archive.suffix != ".arrows":
-            raise InputError(f"{options.archive}: is to be a raw capture; give it the ending .arrows")
+            raise InputError(f"{options.archive}: expected a name that ends with .arrows")
         if options.loop:
             raise InputError("--loop: needs a port; leave it out with --archive")
     motion = built_in_motion()
-    if options.recording is not None:  # the recorder alone has not what reads one
+    if options.recording is not None:  # needs packages that the recorder alone lacks
         from shukotsu.readers.played_recording import read_played_recording
 
         motion = read_played_recording(options.recording, options.layout, loop=options.loop)

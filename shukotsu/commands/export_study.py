@@ -1,4 +1,4 @@
-"""Command line: the stage `export` for all subjects of a study that was run in this folder."""
+"""Command line: run the stage `export` for all subjects of a study that was run in this folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def export_study(arguments: argparse.Namespace) -> None:
-    """Export every subject as requested. InputError where the study was not run in this folder."""
+    """Export every subject as requested. Raises InputError if the study was not run in this folder."""
     from shukotsu.export.exported_plans import export_plans
     from shukotsu.study.plan_file import plan_of_results
 
@@ -32,7 +32,7 @@ def export_study(arguments: argparse.Namespace) -> None:
     arguments.plan, arguments.record_failure = [path for path in every if path.is_file()], False
     if not arguments.plan:
         what = f"run `shukotsu run {arguments.study}` in this folder first"
-        raise InputError(f"{every[0]}: is not there yet; {what}")
+        raise InputError(f"{every[0]}: does not exist yet; {what}")
     export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)
 
 

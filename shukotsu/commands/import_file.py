@@ -1,4 +1,4 @@
-"""Command line: a recording's file -> its poses table, and what was declared of it and cannot be."""
+"""Command line: convert a recording's file to a poses table, and check it against its declared properties."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from shukotsu.readers.import_recording import build_parser, import_recording, re
 
 
 def import_and_check(arguments: argparse.Namespace) -> None:
-    """Import the recording; outside a study, where no rule checks it, print a summary and its findings."""
+    """Import the recording; outside a study, where no rule checks it, print a summary and the findings."""
     import numpy as np
 
     from shukotsu.checks.checked_subject import checked_poses

@@ -1,4 +1,4 @@
-"""Command line: any file -> its content, and on request a mapping to edit."""
+"""Command line: describe any file, and on request draft a mapping to edit."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the subcommand's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu inspect",
-        "Say what is in a file, in which units it seems to be, and why.",
+        "Describe what is in a file, which units it seems to use, and why.",
         "shukotsu inspect old.csv --write-mapping mapping.yaml",
     )
     parser.add_argument("file", type=Path, help="a recording, or a table of this project")
     parser.add_argument(
-        "--write-mapping", type=Path, help="write a mapping to edit; what is unknown says CHECK"
+        "--write-mapping", type=Path, help="write a mapping to edit; unknown values are written as CHECK"
     )
-    parser.add_argument("--hand", choices=("right", "left"), help="whose it is (default: as the poses look)")
+    parser.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses look)")
     parser.add_argument("--layout", default="liberty16", help="a layout that ships, or a path: its segments")
     return parser
 
 
 def inspect(arguments: argparse.Namespace) -> None:
-    """Print what is in the file, a fact a line, and the command to run next; write the mapping if asked."""
+    """Print one fact about the file per line and the command to run next; write a mapping if requested."""
     from shukotsu.readers.inspection.description import CHECK
     from shukotsu.tables.whole_files import write_text
 
     description, target = describe(arguments.file, arguments.layout), arguments.write_mapping
-    if target is not None:  # before anything is printed, which may be cut short
+    if target is not None:  # before printing, since the reader of stdout may close it
         if not description.draft:
             raise InputError(f"{arguments.file}: needs no mapping, so {target} is not written")
         if target.exists():
-            raise InputError(f"{target}: is there already; name another file, so that an edited one is kept")
+            raise InputError(f"{target}: already exists; name another file, so that an edited one is kept")
         if not target.parent.is_dir():
             raise InputError(f"{target}: there is no folder {target.parent}; make it, or name another one")
         write_text(target, description.draft)
     print("\n".join(description.lines))
-    whole = find_spec("yaml") is not None  # the computer beside a tracker may have the recorder alone
+    whole = find_spec("yaml") is not None  # a tracker's computer may have only the recorder installed
     if whole and not description.draft and (description.recording or _is_poses_table(arguments.file)):
         print("".join(f"{line}\n" for line in finding_lines(arguments)), end="")
     if target is not None:
@@ -68,10 +68,10 @@ def inspect(arguments: argparse.Namespace) -> None:
 
 
 def finding_lines(arguments: argparse.Namespace) -> list[str]:
-    """List false declarations of the file, or the reason why it cannot be imported; a sentence a line.
+    """Return the findings on the file, one per line, or the reason why it cannot be imported.
 
-    The file is a recording that needs no mapping, or a poses table. Without --hand it is of the hand that it
-    looks like.
+    The file is a recording that needs no mapping, or a poses table. Without --hand it is checked as the hand
+    that it looks like.
     """
     import io
     from contextlib import redirect_stderr
@@ -108,15 +108,15 @@ def _is_poses_table(path: Path) -> bool:
 
 
 def describe(path: Path, layout: Layout | str) -> Description:
-    """Describe a file, by the segments of a layout or of one of that name.
+    """Describe a file. layout : layout, or name of one, whose segments are looked for in it.
 
-    Raises InputError where it is absent, empty or of no known kind.
+    Raises InputError if the file does not exist, is empty or is of an unknown kind.
     """
     with reading(path, "a recording", "expected a recording"):
         if not check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
     form = format_of(path) or FORMATS["csv"]
-    if form is FORMATS["capture"]:  # also where only the recorder is installed, without YAML
+    if form is FORMATS["capture"]:  # before YAML is needed, which the recorder alone lacks
         from shukotsu.readers.inspection.description import Description
         from shukotsu.tracker.survey import describe as describe_capture
 
@@ -126,8 +126,8 @@ def describe(path: Path, layout: Layout | str) -> Description:
     layout = read_layout(layout) if isinstance(layout, str) else layout
     if not form.inspector:
         raise InputError(
-            f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
-            "where its names are no segments, write a mapping (docs/mappings.md)"
+            f"{path}: inspect reads text, C3D and this project's files; import this one directly, or, if its "
+            "names are not those of segments, by a mapping (docs/mappings.md)"
         )
     description: Description = function_of("shukotsu.readers.inspection", form.inspector)(path, layout)
     return description

@@ -1,4 +1,4 @@
-"""Command line: make a study folder with files to edit, drafted from the recordings that there are."""
+"""Command line: make a study folder with files to edit, drafted from existing recordings if there are any."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ if TYPE_CHECKING:
 
 TEMPLATES = Path(__file__).parent / "templates"
 STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
-"""Language of the comments and of the report -> the template."""
+"""Template by the language of its comments and of the report."""
 COLUMNS = ("subject", "hand", "task", "role", "file")
 MORE_COLUMNS = ("session", "trial", "mapping")
-"""Columns that a drafted sheet has where a recording gives them something to hold."""
+"""Columns that a drafted sheet has only if a recording has a value for them."""
 RECORDINGS = {ending for form in FORMATS.values() for ending in form.endings if ending != ".txt"}
-"""Endings of files that may be recordings; texts beside them are mostly notes."""
+"""Endings of files that may be recordings; .txt is left out because such files are mostly notes."""
 BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
-"""Endings of the tables beside recordings in Motion-BIDS."""
+"""Endings of the tables that accompany recordings in Motion-BIDS."""
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu new",
-        "Make a study folder: study.yaml with comments, recordings.tsv and participants.tsv to fill in. What "
-        "is there is kept.",
+        "Make a study folder: study.yaml with comments, recordings.tsv and participants.tsv to fill in. "
+        "Existing files are never overwritten.",
         "shukotsu new piano --recordings captures",
     )
     parser.add_argument(
         "folder",
         type=Path,
         metavar="FOLDER",
-        help="the folder; its name is the study's, letters, digits, - and _ of it",
+        help="the folder; the study is named after it (letters, digits, - and _)",
     )
     parser.add_argument(
         "--recordings",
         type=Path,
         metavar="FILES",
-        help="a folder of recordings: a row is drafted for each by its name (P01_L_calib), and a mapping for "
-        "those of another program",
+        help="a folder of recordings: a row is drafted for each from its name (P01_L_calib), and a mapping "
+        "for those of another program",
     )
     parser.add_argument(
-        "--layout", default="liberty16", help="a layout that ships, or a path: who wears what (liberty16)"
+        "--layout", default="liberty16", help="a layout that ships, or a path (default: liberty16)"
     )
     parser.add_argument(
         "--language", choices=STUDY, default="en", help="of the comments and of the report (default: en)"
@@ -63,9 +63,10 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def new_study(arguments: argparse.Namespace) -> None:
-    """Write the three files, and mappings where recordings need them; say what to do with them.
+    """Write the three files, and mappings if recordings need them; print what to do with them.
 
-    Raises InputError where one is there, for a layout that cannot be, and without a recording.
+    Raises InputError if one of the files exists, if the layout is invalid, or if the folder of recordings
+    contains none.
     """
     from shukotsu.study.config_files import config_path, shipped_names
     from shukotsu.tables.whole_files import write_text
@@ -90,17 +91,17 @@ def new_study(arguments: argparse.Namespace) -> None:
     }
     folder.mkdir(parents=True, exist_ok=True)
     if kept := [folder / file for file in texts if (folder / file).exists()]:
-        raise InputError(f"{kept[0]}: is there already; name another folder, or edit that file")
+        raise InputError(f"{kept[0]}: already exists; name another folder, or edit that file")
     for file, text in texts.items():
         write_text(folder / file, text)
         print(folder / file)
     print("".join(f"note: {note}\n" for note in notes), end="")
-    there = shlex.quote(str(folder))
-    print(f"next: {_next(folder, sheet, mappings)}, then: cd {there}; shukotsu check; shukotsu run")
+    quoted = shlex.quote(str(folder))
+    print(f"next: {_next(folder, sheet, mappings)}, then: cd {quoted}; shukotsu check; shukotsu run")
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
-    """Draft the sheet of recordings, header first, and the mappings' files; report unreadable recordings."""
+    """Return a draft of the recordings sheet, header first, mappings by file name, and notes for the user."""
     from shukotsu.study.layout import read_layout
 
     layout = read_layout(arguments.layout)
@@ -122,11 +123,11 @@ def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], di
 
 
 def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Mapping[str, str]) -> str:
-    """Format what to do with the files, the last of it after `and`. mappings : texts by file's name."""
+    """Return a sentence on how to complete the drafted files; mappings : texts by file name."""
     rows = sheet[1:]
     empty = sum(not all(row[:4]) for row in rows)
     if not rows:
-        return f"write a row a recording into {folder / 'recordings.tsv'}"
+        return f"write a row for each recording into {folder / 'recordings.tsv'}"
     filled = f", and fill in the {empty} that their names leave open" if empty else ""
     drafted = f"the {count_of(len(rows), 'row')} of {folder / 'recordings.tsv'}, drafted from names"
     what = f"look over {drafted}{filled}"
@@ -137,7 +138,7 @@ def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Mapping[str, s
 
 
 def recordings_in(captures: Path) -> list[Path]:
-    """Return the files of a folder that may be recordings, sorted. Raises InputError where it has none."""
+    """Return the files of a folder that may be recordings, sorted. Raises InputError if there are none."""
     if not captures.is_dir():
         raise InputError(f"--recordings: {captures}: no such folder; give the folder of your recordings")
     files = (path for path in captures.rglob("*") if path.suffix.lower() in RECORDINGS and path.is_file())
@@ -146,13 +147,13 @@ def recordings_in(captures: Path) -> list[Path]:
     if not paths:
         endings = ", ".join(sorted(RECORDINGS))
         raise InputError(
-            f"--recordings: {captures}: holds no recording; expected files that end in {endings}"
+            f"--recordings: {captures}: contains no recording; expected files that end in {endings}"
         )
     return paths
 
 
 def _from(path: Path, folder: Path) -> str:
-    """Return a file as the study in the folder names it: relative to the folder where it is below it."""
+    """Return a file's path as written in the study's files: relative to `folder` if it is inside it."""
     path, base = path.resolve(), folder.resolve()
     return str(path.relative_to(base) if path.is_relative_to(base) else path)
 
@@ -161,11 +162,11 @@ HANDS = {
     **dict.fromkeys(("r", "rh", "right", "re", "rechts"), "right"),
     **dict.fromkeys(("l", "lh", "left", "li", "links"), "left"),
 }
-"""What names of files call a hand, in lower case."""
+"""Hands by the words that file names use for them, in lower case."""
 HANDS_OF_BOTH = ("right", "left")
-"""A row each of a file that holds both hands."""
+"""Hands of the rows that are drafted for a file with both hands."""
 CALIBRATIONS = ("cal", "calib", "calibration", "rom", "kalibrierung")
-"""What names of files call a recording in which every joint moves through its range, in lower case."""
+"""Words in file names, in lower case, for a recording in which every joint moves through its range."""
 _KEYS = {
     "subject": "sub|subj|subject|participant",
     "session": "ses|sess|session|day|visit",
@@ -180,17 +181,17 @@ _KEYED = re.compile(
     ),
     re.I,
 )
-"""A word and what it names: sub-03, Session 2, trial01."""
+"""A key word with its value: sub-03, Session 2, trial01."""
 _DATE = re.compile(r"(?<!\d)(19|20)\d\d[-_.]?\d\d[-_.]?\d\d([T_ -]?\d\d[-_.:h]?\d\d([-_.:m]?\d\d)?)?(?!\d)")
 _APART = re.compile(r"\b(P|S|VP)[- ](?=\d)", re.I)
-"""A subject's name with a separate number: P 01."""
+"""A subject's letters, separated from the number: P 01."""
 _WITH_HAND = re.compile(r"(\w*\d)([LR])")
-"""A subject's name with its hand's letter: P01L."""
+"""A subject's name followed by the letter of a hand: P01L."""
 
 
 @dataclass(frozen=True)
 class NameParts:
-    """The cells of a row of the recordings sheet that a name says; empty what it does not."""
+    """Cells of a row of the recordings sheet as far as a file name determines them; the others are empty."""
 
     subject: str = ""
     session: str = ""
@@ -201,9 +202,10 @@ class NameParts:
 
 
 def parts_of_names(names: Iterable[Path]) -> list[NameParts]:
-    """Read the parts of file names; folders below that of the recordings count as parts of a name.
+    """Return the cells that each path, relative to the folder of recordings, determines.
 
-    Where a hand has a calibration by its name, others are for evaluation; else for both.
+    If the name of one of a hand's recordings marks it as a calibration, the role of the others is evaluation;
+    if none is marked, their role is both.
     """
     parts = [_parts(name) for name in names]
     calibrated = {_whose(each) for each in parts if each.role}
@@ -226,14 +228,14 @@ def _parts(name: Path) -> NameParts:
         for key, value in match.groupdict().items():
             if value:
                 cells.setdefault(key.removesuffix("_number"), value)
-    words: list[str] = []  # a hand's letter behind a subject's number is a word
+    words: list[str] = []  # a hand's letter after a subject's number is a separate word
     for word in filter(None, re.split(r"[\W_]+", _KEYED.sub(" ", text))):
         lettered = _WITH_HAND.fullmatch(word)
         words += lettered.groups() if lettered else [word]
     sides = [cells.pop("hand", ""), *words]
     cells["hand"] = next((HANDS[word.lower()] for word in sides if word.lower() in HANDS), "")
     words = [word for word, _ in groupby(word for word in words if word.lower() not in HANDS)]
-    # The subject is the word like P01, or else the first of several but a calibration's.
+    # The subject is a word like P01, or else the first of several words that does not mean calibration.
     others = [word for word in words if word.lower() not in CALIBRATIONS]
     coded = [word for word in others if re.fullmatch(r"[A-Za-z]{1,2}\d+", word)]
     first = others[0] if others and ("task" in cells or len(words) > 1) else ""
@@ -250,7 +252,7 @@ def _parts(name: Path) -> NameParts:
 
 @dataclass(frozen=True)
 class Drafts:
-    """Mappings to edit: texts by file's name; of recordings, the name, or why one is refused."""
+    """Drafted mappings. texts : by file name. of : file name by recording. refused : why one was not read."""
 
     texts: dict[str, str]
     of: dict[Path, str]
@@ -260,16 +262,16 @@ class Drafts:
 def draft_mappings(
     recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None] = lambda _: None
 ) -> Drafts:
-    """Draft a mapping for every recording that needs one; inspected : called with the number of files read so
-    far.
+    """Draft the mappings that recordings need.
 
-    Files are alike where their drafts say the same; what one leaves open may be settled in another.
+    Recordings share a mapping if their drafts are equal except for values that one of them leaves open.
+    inspected : called with the number of files read so far.
     """
     from shukotsu.readers.inspection.description import CHECK
     from shukotsu.study.config_files import loaded_yaml
 
     def are_alike(first: Any, second: Any) -> bool:
-        """Whether two drafts say the same, but for what either leaves open."""
+        """Return whether two drafts are equal except for values that one of them leaves open."""
         if isinstance(first, Mapping) and isinstance(second, Mapping):
             return first.keys() == second.keys() and all(are_alike(first[key], second[key]) for key in first)
         return first == second or CHECK in (first, second)

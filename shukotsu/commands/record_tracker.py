@@ -1,4 +1,4 @@
-"""Command line: a tracker -> raw archive; what a tracker answers; where one may be."""
+"""Command line: record a tracker into a raw capture, show what it answers, or list the ports."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.families import FAMILIES, USUAL
 
 EXIT_CUT_SHORT = 3
-"""The recording ended early: the port went away, or the disk was full. What had arrived is kept."""
+"""Exit code if the recording ended early because the port was lost or the disk full; what arrived is kept."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -21,8 +21,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = command_line.parser(
         "shukotsu record",
         "Record every byte that a tracker sends; Ctrl-C or --duration ends it.\n"
-        "Exit code: 0 after a stop that was asked for, 2 where nothing could be recorded, 3 where the port\n"
-        "went away or the disk was full; what came until then is kept.",
+        "Exit code: 0 after a stop that was requested, 2 if nothing could be recorded, 3 if the port was\n"
+        "lost or the disk was full; what arrived until then is kept.",
         "shukotsu record --devices\n"
         "  shukotsu record --port /dev/ttyUSB0 --ask\n"
         "  shukotsu record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
@@ -34,23 +34,23 @@ def build_parser() -> argparse.ArgumentParser:
     chosen = {family.title: family.rates_hz for family in FAMILIES.values() if len(family.rates_hz) > 1}
     rates_hz = sorted({rate for rates in chosen.values() for rate in rates}, reverse=True)
     add("--rate", type=int, choices=rates_hz, help=f"of {' and '.join(chosen)} (default: the fastest)")
-    add("--items", choices=("full", "short"), default="full", help="what a record holds (default: full)")
+    add("--items", choices=("full", "short"), default="full", help="content of a record (default: full)")
     add("--stations", help="receivers such as 1-8,12 (default: all that are connected)")
     add("--hemisphere", default="1,0,0", metavar="X,Y,Z", help="half of space, or track (default: 1,0,0)")
     add("--no-filters", action="store_true", help="switch the tracker's own filters off")
     add("--out", type=Path, help="the archive to write (.arrows)")
-    add("--duration", type=float, metavar="S", help="stop after so many seconds")
-    add("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
-    add("--quiet", action="store_true", help="show no state, only notes and the summary")
+    add("--duration", type=float, metavar="S", help="stop after this many seconds")
+    add("--note", action="append", default=[], metavar="TEXT", help="note to store with the recording")
+    add("--quiet", action="store_true", help="print only notes and the summary, not the current state")
     add("--devices", action="store_true", help="record nothing: list the ports at which a tracker may be")
-    add("--ask", action="store_true", help="record nothing: say what the tracker answers and sends in 2 s")
+    add("--ask", action="store_true", help="record nothing: show what the tracker answers and sends in 2 s")
     return parser
 
 
 def record_tracker(options: argparse.Namespace) -> None:
-    """Record, and print what was kept; or list the ports, or ask the tracker.
+    """Record and print a summary; or list the ports, or show what the tracker answers.
 
-    Raises SystemExit where the recording was cut short.
+    Raises SystemExit with EXIT_CUT_SHORT if the recording ended early.
     """
     from shukotsu.tracker import conversation, display, session
     from shukotsu.tracker.port import open_port, port_lines, serial_ports, usb_devices

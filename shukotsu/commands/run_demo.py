@@ -1,4 +1,4 @@
-"""Command line: run the demo's study in this folder, print its tables and name its report."""
+"""Command line: run the demo study in this folder, print its outcome and the path of its report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = command_line.parser(
         "shukotsu demo",
         f"Run the demo, a study of two simulated people, in this folder: {STUDY}, its sheets and recordings "
-        f"in {SHEETS}, results in results/demo. What is there is kept; what is up to date is not made again.",
+        f"in {SHEETS}, results in results/demo. Existing files are kept; only what is out of date is run.",
         "shukotsu demo --cores 2",
     )
     parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")
@@ -27,7 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def run_demo(arguments: argparse.Namespace) -> int:
-    """Write the study file and its sheets, those that are not there; run it, and return the exit code."""
+    """Write the study file and those of its sheets that do not exist; run the study, return the exit code."""
     for shipped in (ROOT / STUDY, *sorted((ROOT / SHEETS).glob("*.tsv"))):
         path = shipped.relative_to(ROOT)
         if not path.exists():

@@ -1,4 +1,4 @@
-"""Command line: one stage alone, as `python stages/NAME.py` runs it."""
+"""Command line: run one stage alone, as `python stages/NAME.py` does."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ STAGES = ROOT / "stages"
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of the stage's name; every stage parses its own options."""
+    """Return the parser of the stage's name; the stage parses its options."""
     names = sorted(path.stem for path in STAGES.glob("*.py"))
     stages = "".join(f"\n  {name}" for name in names)
     what = f"Run one stage of the pipeline alone, on typed tables.\n\nstages:{stages}"

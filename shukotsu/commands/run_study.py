@@ -1,4 +1,4 @@
-"""Command line: run a study by Snakemake, and print its outcome."""
+"""Command line: run a study with Snakemake, and print its outcome."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from shukotsu.workflow import one_run, progress
 
 SNAKEFILE = ROOT / "Snakefile"
 UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
-"""Variables of the person's environment that would have a run do something else."""
+"""Environment variables of the user that would change what a run does; Snakemake does not get them."""
 
 GRACE_S, CLUSTER_GRACE_S = 1.2, 5.0
-"""So long jobs may take to end by themselves, and where Snakemake may have to cancel those of a cluster."""
+"""Time for jobs to end by themselves after a signal; longer if Snakemake may have to cancel cluster jobs."""
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu run",
-        "Run a study by Snakemake, whose command is printed; what is up to date is not made again. Results "
-        "go to results/<study>/ in this folder.",
+        "Run a study with Snakemake, whose command is printed; only what is out of date is made again. "
+        "Results go to results/<study>/ in this folder.",
         "shukotsu run study.yaml --cores 8 -- --keep-going",
     )
     add_study(parser)
     parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")
-    parser.add_argument("--dry-run", action="store_true", help="say what would be run, and run nothing")
+    parser.add_argument("--dry-run", action="store_true", help="list what would be run, and run nothing")
     parser.add_argument("--verbose", action="store_true", help="show Snakemake's own messages")
     parser.usage = (
         "shukotsu run [-h] [--cores N] [--dry-run] [--verbose] [STUDY] [-- OPTION_OF_SNAKEMAKE ...]"
@@ -49,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def run_study(arguments: argparse.Namespace) -> int:
-    """Read the study, run it, print its report's first sentences; return Snakemake's exit code."""
+    """Read the study, run it and print the first sentences of its report; return Snakemake's exit code."""
     if not hasattr(os, "fork"):
         raise InputError(
             "a study runs on Linux or macOS (on Windows: in WSL); copy this folder there, with recordings, "
@@ -61,12 +61,12 @@ def run_study(arguments: argparse.Namespace) -> int:
     if arguments.cores != "all" and not (arguments.cores.isdecimal() and int(arguments.cores)):
         raise InputError(f"--cores: is {arguments.cores!r}; expected a number of jobs, or all")
     plans = [files.results.plan(*who) for who in files.study.sessions]
-    own = [one_run.FOLDER / name / "file" for name in ("log", "metadata", "incomplete")]
-    one_run.refuse_unwritable([*own, files.results.report, *plans])
+    snakemake_files = [one_run.FOLDER / name / "file" for name in ("log", "metadata", "incomplete")]
+    one_run.refuse_unwritable([*snakemake_files, files.results.report, *plans])
     lock = None if arguments.dry_run or arguments.more else one_run.hold(files.results.folder)
     command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     command += ["--configfile", str(arguments.study)]
-    if not arguments.verbose:  # takes any number of words, so it may not stand before the user's own
+    if not arguments.verbose:  # before --cores, since --quiet would take the words after it as its values
         command += ["--quiet", "rules" if arguments.dry_run else "reason"]
     command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else []), *arguments.more]
     print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
@@ -85,26 +85,27 @@ def run_study(arguments: argparse.Namespace) -> int:
 
 
 def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> int:
-    """Run a command to its end, even where its output is no longer read; return its exit code.
+    """Run a command to its end, even if its output is no longer read; return its exit code.
 
-    It has a group of its own, which is all that it starts. A signal that asks this process to end is raised
-    (`command_line.Ended`) when that group has ended: by SIGTERM, after grace_s by SIGKILL.
+    The command runs in a process group of its own, with all processes that it starts. If a signal asks this
+    process to end, the group is ended by SIGTERM, after grace_s by SIGKILL; then `command_line.Ended` is
+    raised.
     """
 
     def begin() -> None:
-        """Have the system end this process, and its jobs, as soon as its parent has ended, however."""
+        """Ask the system to kill this process when its parent ends for whatever reason."""
         command_line.block_ending(False)
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
     def pause(*_: object) -> None:
         os.killpg(process.pid, signal.SIGSTOP)
-        os.kill(os.getpid(), signal.SIGSTOP)  # until the shell has this go on
+        os.kill(os.getpid(), signal.SIGSTOP)  # until the shell resumes this process
         os.killpg(process.pid, signal.SIGCONT)
 
     printed = None if sys.stdout.isatty() else subprocess.PIPE
     handed = {} if lock is None else {one_run.HANDED: lock.fileno()}
-    command_line.block_ending()  # from before there is a process until it is known which
+    command_line.block_ending()  # until `process` is assigned, which a signal's handler needs
     process = subprocess.Popen(
         command,
         stdout=printed,
@@ -116,7 +117,7 @@ def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> i
         start_new_session=True,
     )
     try:
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # also behind a script's `&`
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # `&` in scripts ignores it
         signal.signal(signal.SIGTSTP, pause)
         command_line.block_ending(False)
         try:
@@ -136,9 +137,9 @@ def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> i
 
 
 def _end_group(process: subprocess.Popen[str], grace_s: float) -> None:
-    """End a process and all of its group."""
+    """End all processes of a process's group: by SIGTERM, after grace_s by SIGKILL."""
     until_s = time.monotonic() + grace_s
-    with suppress(ProcessLookupError):  # nothing of it is left
+    with suppress(ProcessLookupError):  # all processes of the group have ended
         os.killpg(process.pid, signal.SIGTERM)
         while time.monotonic() < until_s:
             time.sleep(0.02)
@@ -149,7 +150,7 @@ def _end_group(process: subprocess.Popen[str], grace_s: float) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment of Snakemake, with caches in the study's folder where the person's cannot be."""
+    """Return the environment for Snakemake, with caches in this folder if the user's cannot be written."""
     from platformdirs import user_cache_dir
 
     environment = {name: value for name, value in os.environ.items() if name not in UNWANTED}

@@ -1,4 +1,4 @@
-"""Command line: a study's report, named, printed or opened."""
+"""Command line: print the path of a study's report, print its outcome, or open it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu report",
-        "Name the report of a study that was run in this folder, print its outcome, or open it in a browser.",
+        "Print the path of the report of a study that was run in this folder, or its outcome, or open it.",
         "shukotsu report study.yaml --print",
     )
     add_study(parser)
@@ -22,19 +22,19 @@ def build_parser() -> argparse.ArgumentParser:
         "--print",
         action="store_true",
         dest="to_terminal",
-        help="print the three numbers and the sentence that it begins with, and the gravest problems",
+        help="print the three numbers and the sentence that it begins with, and the most severe problems",
     )
     parser.add_argument("--open", action="store_true", help="open it in the browser")
     return parser
 
 
 def show_report(arguments: argparse.Namespace) -> None:
-    """Print what was asked for. Raises InputError where the study has not been run here."""
+    """Print or open what the options request. Raises InputError if the study was not run in this folder."""
     files = read_files(arguments.study)
     report = files.results.report
     if not report.is_file():
         raise InputError(
-            f"{report}: is not there yet; run `shukotsu run {arguments.study}` in this folder first"
+            f"{report}: does not exist yet; run `shukotsu run {arguments.study}` in this folder first"
         )
     if arguments.to_terminal:
         from shukotsu.report.judged_models import outcome_text

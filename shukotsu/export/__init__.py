@@ -1,1 +1,1 @@
-"""A person's skeleton and its motion as files that animation and biomechanics programs read."""
+"""Export of a person's skeleton and its motion to files of animation and biomechanics programs."""

@@ -1,16 +1,16 @@
-"""Biovision hierarchy: a person's bones and their rotations, for animation programs; facts as text beside it.
+"""BVH (Biovision hierarchy) for animation programs: bones and their rotations, with a text file of facts.
 
-The HIERARCHY is the skeleton at rest, its root's bone frame along the world's axes: fingers straight towards
--Z, the back of the hand up (+Y). A joint's rotations start from this pose. Channels are Zrotation, Yrotation,
-Xrotation, so R = Rz Ry Rx: flexion of a finger is about X, which may go beyond 90 deg, deviation about Y,
-which stands in the middle and may not. Angles are continuous over time and may leave (-180, 180].
+The HIERARCHY is the skeleton at rest, with the root's bone frame along the world's axes: fingers straight
+towards -Z, the back of the hand up (+Y). A joint's rotations start from this pose. Channels are Zrotation,
+Yrotation, Xrotation, so R = Rz Ry Rx: a finger's flexion is about X and may exceed 90 deg; its deviation is
+about Y, the middle angle, which may not. Angles are continuous over time and may leave (-180, 180].
 
-A joint that stays at its OFFSET has these three channels. One that moves against the bone before is two:
-NAME_rest, which has the OFFSET and never turns, and in it NAME with positions, rotations and an OFFSET of
-zero. Programs disagree on positions in addition to an OFFSET: Blender and bvhsdk replace it, three.js adds
-the two. `--bones stiff` gives a file with rotations alone. The last tip of a digit is an End Site, or where
-it moves a joint with an End Site of no length: after index_tip, the end of the bone, an End Site is where the
-skin ends. The root's OFFSET is zero.
+A joint that stays at its OFFSET has these three channels. A joint that moves relative to the bone before it
+is written as two: NAME_rest, which has the OFFSET and never rotates, and in it NAME with positions, rotations
+and an OFFSET of zero. This is because programs disagree on positions in addition to an OFFSET: in Blender and
+bvhsdk they replace it, in three.js they are added. `--bones stiff` writes rotations only. The last tip of a
+digit is an End Site or, if it moves, a joint with an End Site of zero length: the End Site after index_tip,
+the end of the bone, is the end of the skin. The root's OFFSET is zero.
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ LENGTH_DECIMALS = 7
 CM_PER_MM = 0.1
 
 AT_REST = "_rest"
-"""End of the name of the joint that holds the OFFSET of a moving one."""
+"""Suffix of the joint that has the OFFSET of a moving joint."""
 
 _PLACES, _TURNS = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
 TURN_AXES = np.eye(3)[::-1]
-"""Axes of these rotations, each carried by those before it."""
+"""Axes of these rotations; each axis is rotated by the rotations before it."""
 
 _TEXT_FRAMES = 1024
 _NOTABLE_S = 5e-4
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write a motion without gaps as one file, in cm with y up; return what the file does not hold.
+    """Write a motion without gaps as one file, in cm with y up; return sentences on what the file lacks.
 
-    Raises InputError where a pose is missing, there is no frame, or several frames have no known rate.
+    Raises InputError if a pose is missing, if there is no frame, or if several frames have no known rate.
     """
     require_whole(motion, path, "BVH")
     require_rate(motion, path, "BVH")
@@ -64,7 +64,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     rest_mm, rest_turn = rest_pose(motion)
     offset_mm = rest_mm.copy()
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
-    # in frames parallel to the world's at rest: bone frames turned back by their rest rotations
+    # bone frames rotated back by their rest rotations, so that at rest all are parallel to the world's frame
     world = motion.quaternion.copy()
     for index, turn in enumerate(rest_turn):
         world[:, index] = multiply(world[:, index], conjugate(turn))
@@ -73,14 +73,14 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     channels: list[Array] = []
     formats: list[str] = []
     order, left = list[int](), [0]
-    while left:  # as a hierarchy names them
+    while left:  # depth first, the order of a BVH hierarchy
         order.append(left.pop())
         left += np.flatnonzero(motion.parents == order[-1])[::-1].tolist()
     for index in order:
         beyond = (local_mm[:, index] - (offset_mm[index] if index else 0.0)) * CM_PER_MM
         moves[index] = not index or np.abs(beyond).max() > MOVES_MM * CM_PER_MM
         if moves[index]:
-            if index:  # the joint NAME_rest, which never turns
+            if index:  # the joint NAME_rest, which never rotates
                 channels.append(np.zeros_like(beyond))
                 formats += ["%.0f"] * 3
             channels.append(beyond)
@@ -102,7 +102,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 
 def _is_end(motion: PosedRecording, index: int) -> bool:
-    """Whether a joint is a digit's last tip, which may be an End Site."""
+    """Return whether a joint is a digit's last tip, which can be an End Site."""
     return motion.joints[index].tip and index not in motion.parents
 
 

@@ -1,9 +1,9 @@
-"""C3D by ezc3d: joints and receivers as points, bones and receivers as poses, for motion-capture programs.
+"""C3D, by ezc3d, for motion-capture programs: joints and receivers as points, bones and receivers as poses.
 
-Points are the joints, by their names, then four of each receiver: `<segment>_receiver`, its origin, and `_x`,
-`_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses: of bones, by the joint that they start
-at (WebXR bone frame to world), and of receivers, `<segment>_receiver`. Gaps are kept: residual -1,
-reliability -1. Lost frames are written without points, so that the rate is constant.
+Points are the joints by their names, then four points of each receiver: `<segment>_receiver`, its origin, and
+`_x`, `_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses of bones (WebXR bone frame to
+world), named after the joint that they start at, and of receivers, `<segment>_receiver`. Gaps are kept, with
+residual -1 and reliability -1. Lost frames are written without points, so that the rate is constant.
 """
 
 from __future__ import annotations
@@ -26,30 +26,31 @@ ARM_MM = 20.0
 """Distance from a receiver's origin to the points on its axes."""
 
 LONGEST_LABEL = 127
-"""Longest label, also for readers that take the length byte as signed."""
+"""Length of the longest label that even readers which treat the length byte as signed can read."""
 
 MOST_FRAMES = 65534
-"""Largest count in the header's 16 bits; it stands for any larger one as well."""
+"""Largest unambiguous count of frames in the header's 16 bits; 65535 also means any larger count."""
 
 _MOST_POINTS = 255
-"""Most labels in one parameter."""
+"""Largest number of labels in one parameter."""
 _BLOCK, _LAST_START, _PARAMETER_BLOCKS = 512, 32767, 255
-"""Bytes of a block; the last block that rotations can start at; blocks before the points, at most."""
+"""Bytes per block; last block at which rotations can start; largest number of blocks before the points."""
 
 _NOTE_WIDTH = 120
 _NOTABLE_S = 5e-4
 NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
-"""x, y, z and residual of a point that is not known."""
+"""x, y, z and residual of a missing point."""
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write the motion as one file, in mm with z up; return what it does not hold.
+    """Write the motion as one file, in mm with z up; return sentences on what it lacks.
 
-    Lengths are 32-bit floats, to about 3e-5 mm half a metre from the transmitter. Raises InputError where
-    there is no frame, no rate is known, frames are too uneven in time for one rate, or are too many.
+    Lengths are 32-bit floats, accurate to about 3e-5 mm half a metre from the transmitter. Raises InputError
+    if there is no frame, if the rate is unknown, if frames are too uneven in time for one rate, or if there
+    are too many frames or points.
     """
     if not len(motion.frame):
-        raise InputError(f"{path}: C3D holds no file without a frame; widen --frames")
+        raise InputError(f"{path}: C3D needs at least one frame; widen --frames")
     import ezc3d
 
     motion, unseen = with_seen_receivers(motion)
@@ -118,7 +119,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 
 def _labels(names: Sequence[str]) -> list[str]:
-    """Return labels in ASCII, of at most 127 characters, no two alike in capitals."""
+    """Return labels in ASCII of at most LONGEST_LABEL characters that are unique even if case is ignored."""
     labels: list[str] = []
     taken: set[str] = set()
     for name in names:
@@ -133,7 +134,7 @@ def _labels(names: Sequence[str]) -> list[str]:
 
 
 def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
-    """Name and description of each receiver's four points."""
+    """Yield the name and description of each receiver's four points."""
     for segment in motion.receivers.segments:
         yield f"{segment}_receiver", f"origin of the receiver on {segment}"
         for axis in "xyz":
@@ -141,16 +142,16 @@ def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
 
 
 def _escape(text: str) -> str:
-    r"""ASCII; any other character as Python and JSON write it, \uXXXX."""
+    r"""Return text in ASCII, with other characters as \uXXXX like in Python and JSON."""
     return text.encode("ascii", "backslashreplace").decode("ascii")
 
 
 def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
-    """Return the row (T,) of each frame among all, their rate, and how far times are off it, in s.
+    """Return each frame's row in the file (T,), the rate, Hz, and the largest deviation of times from it, s.
 
-    A frame counts as lost where its number and, if there is one, its time say so.
-    The nominal rate where times keep to it, else the mean one. InputError where a time is more than half a
-    frame off, or no rate is known.
+    Rows are left empty for lost frames, which frame numbers and, if known, times show. The rate is the
+    nominal one if times agree with it, else the mean rate. Raises InputError if a time is more than half a
+    frame off or if the rate is unknown.
     """
     frames, time_s = motion.frame, motion.time_s
     if len(frames) == 1:
@@ -171,13 +172,13 @@ def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
     if errors[best] > 0.5 / rates[best]:
         raise InputError(
             f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
-            "than half a frame, and C3D holds one rate; choose an even one with --fps"
+            "than half a frame, and C3D has only one rate; choose an even one with --fps"
         )
     return row, rates[best], errors[best]
 
 
 def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
-    """Return a description of the motion, in lines."""
+    """Return a description of the motion as lines of text."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
         *_escape(facts_text(motion, "mm", "z", dropped)).splitlines(),
@@ -189,7 +190,7 @@ def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
 
 
 def _points(motion: PosedRecording) -> Array:
-    """The points of those frames, (n, P, 4)."""
+    """Return the points (n, P, 4) of n frames: x, y, z in mm, and residual."""
     receivers = motion.receivers
     origin = receivers.position_mm[:, :, None]
     axes = np.swapaxes(matrix(receivers.quaternion), -1, -2)
@@ -200,7 +201,7 @@ def _points(motion: PosedRecording) -> Array:
 
 
 def _poses(motion: PosedRecording) -> Array:
-    """The poses of those frames as matrices (n, R, 4, 4), NaN where any number is missing."""
+    """Return the poses of bones and receivers as matrices (n, R, 4, 4), NaN if any number is missing."""
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     receivers = motion.receivers
     position = np.concatenate([motion.position_mm[:, bones], receivers.position_mm], 1)

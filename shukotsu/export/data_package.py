@@ -1,4 +1,4 @@
-"""Tables of a study as CSV, with the meaning of their columns: a Frictionless data package."""
+"""Frictionless data package: tables of a study as CSV, with descriptions of their columns."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _TYPES = {
     "array": pa.types.is_nested,
     "boolean": pa.types.is_boolean,
 }
-"""Types of the Table Schema (https://specs.frictionlessdata.io/table-schema/) but string."""
+"""Types of the Table Schema (https://specs.frictionlessdata.io/table-schema/) other than string."""
 
 
 def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
-    """Write tables as CSV and the package's description. Raises InputError where a file is no table."""
+    """Write tables as CSV, with the package's description. Raises InputError if a file is not a table."""
     folder = out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     resources = []
     for path in tables:
         if path.stem not in TABLES:
-            raise InputError(f"{path}: is none of the program's tables; name it as it was written")
+            raise InputError(f"{path}: is not one of the program's tables; name it as it was written")
         resources.append(_write_csv(path, TABLES[path.stem], folder / f"{path.stem}.csv"))
     package = {
         "profile": "tabular-data-package",
@@ -46,14 +46,14 @@ def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
 
 
 def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
-    """Write one table as CSV, in blocks; return its entry in the package."""
+    """Write one table as CSV, block by block; return its entry in the package."""
     names = [column.name for column in table.columns]
     with replacing(out) as temporary, temporary.open("wb") as stream:
         stream.write((",".join(names) + "\n").encode())
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         for rows in read_row_groups(path, table, names):
             for index, column in enumerate(table.columns):
-                if pa.types.is_nested(column.type):  # an array in a cell as its JSON
+                if pa.types.is_nested(column.type):  # arrays become JSON text
                     cells = [None if c is None else json.dumps(c) for c in rows.column(index).to_pylist()]
                     rows = rows.set_column(index, column.name, pa.array(cells, pa.string()))
             pc.write_csv(rows, stream, options)
@@ -63,7 +63,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
             "type": next((kind for kind, is_kind in _TYPES.items() if is_kind(column.type)), "string"),
             "description": column.description,
             **({"unit": column.unit} if column.unit else {}),
-            # the standard takes an empty text as missing
+            # an empty string counts as missing, so a text column cannot be required
             **(
                 {} if column.nullable or str(column.type) == "string" else {"constraints": {"required": True}}
             ),
@@ -81,7 +81,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
         "bytes": out.stat().st_size,
         "hash": f"sha256:{file_sha256(out)}",
         "schema": {
-            "fields": fields,  # with units, for which the standard has no property
+            "fields": fields,  # `unit` is not part of the standard
             "missingValues": [""],
             **({"primaryKey": list(table.key)} if table.key else {}),
         },

@@ -1,4 +1,4 @@
-"""Export of every chosen recording under every chosen model in every chosen format."""
+"""Export of selected recordings under selected models in selected formats."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ T = TypeVar("T")
 
 
 def export_plans(plans: Mapping[Path, SubjectPlan], arguments: argparse.Namespace) -> None:
-    """Write every format of every chosen recording and model; report on stderr.
+    """Write every selected recording under every selected model in every format; print notes on stderr.
 
-    After a failure, the others are still written. The InputError is raised at the end or, with
-    --record-failure, written to STEM_FORMAT.failed.txt (STEM.failed.txt where it concerns all formats).
+    After a failure, the other files are still written. The InputError is raised at the end or, with
+    --record-failure, written to STEM_FORMAT.failed.txt (STEM.failed.txt if it concerns all formats).
     """
     formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
     chosen = [
@@ -53,12 +53,12 @@ def export_plans(plans: Mapping[Path, SubjectPlan], arguments: argparse.Namespac
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why nothing could be exported to a text file named after the folder of the first plan."""
+    """Write the reason why nothing was exported to a text file named after the folder of the first plan."""
     write_text(arguments.out / f"{_failure_name(arguments)}.failed.txt", f"{message}\n")
 
 
 def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
-    """Write the files that describe a dataset; an existing dataset keeps its own when a subject is added."""
+    """Write the files that describe a dataset, unless a subject is added to an existing dataset."""
     path = arguments.out / FORMATS["bids"].shared
     if path.exists() and len(plans) == 1 and arguments.participants is None:
         return
@@ -77,7 +77,7 @@ def _export_recording(
     settings: ExportSettings,
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
-    """Write one recording under one model; yield stem and message of failures."""
+    """Write one recording under one model; yield the file stem and message of each failure."""
     stem = file_stem(plan.who, recording.hand.hand, recording.task, recording.trial, model)
     _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
     reader = recording_reader(plan, recording, model)
@@ -99,33 +99,36 @@ def _export_recording(
 
 
 def _try(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
-    """Return the result, or None and why it failed: bad input or, with --record-failure, a bug."""
+    """Return the result of `make`, or None and the message of its failure.
+
+    A failure is bad input or, with --record-failure, a bug.
+    """
     try:
         with command_line.keep_failure(arguments, arguments.record_failure, only_bugs=True) as messages:
             return make(), ""
     except StorageError:
-        raise  # a system error, not a fault of this recording
+        raise  # not caused by this recording
     except InputError as error:
         return None, str(error)
     return None, messages[0]
 
 
 def _failure_name(arguments: argparse.Namespace) -> str:
-    """Return the name for the note on a failure of everything: the folder of the first plan."""
+    """Return the stem of the file that reports the failure of a whole export: the first plan's folder."""
     return str(arguments.plan[0].absolute().parent.name)
 
 
 def _forget_failures(folder: Path, *names: str) -> None:
-    """Remove the notes on failures of an earlier run."""
+    """Remove the failure files of an earlier run."""
     for name in names:
-        with suppress(PermissionError):  # writing will fail, too, with a message
+        with suppress(PermissionError):  # writing will fail as well and be reported
             (folder / f"{name}.failed.txt").unlink(missing_ok=True)
 
 
 def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:
-    """Return the models of a comma-separated list, or all of the plan's where it is empty.
+    """Return the models in a comma-separated list, or all models of the plan if it is empty.
 
-    path : of the plan, for messages. Raises InputError for an unknown model.
+    path : the plan's file, for messages. Raises InputError for an unknown model.
     """
     names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
     for name in names:
@@ -137,8 +140,9 @@ def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:
 def chosen_recordings(plan: SubjectPlan, path: Path, hand: str, name: str) -> list[Recording]:
     """Return the recordings to export.
 
-    hand : right or left, empty for both. name : the task, or TASK_TRIAL, of any recording; empty for all
-    evaluated ones. Raises InputError where none or several have the name.
+    hand : right or left, or empty for both. name : the task, or TASK_TRIAL, of any recording, or empty for
+    all evaluated ones. path : the plan's file, for messages. Raises InputError if the name does not match
+    exactly one recording of a hand.
     """
     if hand and hand not in plan.hands:
         raise InputError(

@@ -1,10 +1,10 @@
-"""Frames without a pose, and an even rate made from uneven times.
+"""Treatment of gaps in a motion, and resampling to an even rate.
 
-A gap is a run of frames in which a joint has no whole pose, or which the recording lost: their numbers are
-missing. Gaps are refused, held, cut away or interpolated, as the user chooses, and always reported. Gaps are
-filled in the frame of the proximal bone, so that a held finger still moves with the hand; the root is filled
-in the transmitter's frame. Frames that are known keep their numbers to the bit. Between samples positions are
-linear, and rotations go by the shortest arc at constant angular velocity.
+A gap is a run of frames in which a joint has no complete pose, or of frames that were lost, which missing
+frame numbers show. Gaps are refused, held, cut or interpolated, as the user chooses, and always reported. A
+gap is filled in the frame of the proximal bone, so that a held finger still moves with the hand; gaps of the
+root are filled in the transmitter's frame. Known poses keep exactly their numbers. Between samples, positions
+are interpolated linearly, and rotations along the shortest arc at constant angular velocity.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from shukotsu.hand.posing import PosedRecording, known_points
 from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, rotate, unit
 
 FILLED_FRAMES = 100_000
-"""Largest number of frames that are filled in: seven minutes at 240 Hz."""
+"""Largest number of frames that are filled: seven minutes at 240 Hz."""
 
 _SAME_S = 1e-9
 _WIDEST_STEPS = 1.5
-"""Frames that are farther apart than this many usual intervals have a gap between them."""
+"""Consecutive frames more than this many usual intervals apart have a gap between them."""
 
 
 def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> PosedRecording:
-    """Resample the motion at an even rate from its first time on: positions linearly, rotations by slerp.
+    """Resample the motion at an even rate from its first device time: positions linearly, rotations by slerp.
 
-    Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
-    further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
-    below twice the motion's own aliases. Raises InputError where times are missing or do not grow, or where
-    these would be more than FILLED_FRAMES.
+    A new frame has no pose (NaN) in a gap that was kept, or between frames that are farther apart than both
+    1.5 usual intervals and widest_s. There is no filter, so motion above half of the new rate causes
+    aliasing. Raises InputError if times are missing or do not increase, or if there would be more than
+    FILLED_FRAMES.
     """
     time_s = motion.time_s
     require_times(motion, time_s, "--fps", "resampling")
@@ -71,9 +71,9 @@ def _count(time_s: Array, fps: float) -> int:
 
 
 def largest_time_error_s(motion: PosedRecording) -> float:
-    """Return the largest deviation of device times from an even rate; 0 without times.
+    """Return the largest deviation of device times from an even rate, s; 0 without times.
 
-    A file that stores a rate in place of times loses as much.
+    It is the error of times in a file that stores only a rate.
     """
     if len(motion.time_s) < 2 or not np.isfinite(motion.time_s).all():
         return 0.0
@@ -82,9 +82,9 @@ def largest_time_error_s(motion: PosedRecording) -> float:
 
 
 def bracket(at: Array, x: Array) -> tuple[Index, Index, Array]:
-    """Rows before and after each value of `at` in the increasing x (n,), and its place between them, 0 to 1.
+    """Return the rows before and after each of `at` in the increasing x (n,), and its share of the way.
 
-    Beyond an end of x both rows are the one there.
+    The share is 0 at the row before and 1 at the row after. Beyond an end of x, the share is that of the end.
     """
     after = np.clip(np.searchsorted(x, at, side="right"), 1, max(len(x) - 1, 1))
     before, after = after - 1, np.minimum(after, len(x) - 1)
@@ -94,15 +94,16 @@ def bracket(at: Array, x: Array) -> tuple[Index, Index, Array]:
 
 
 def blend(first: Array, second: Array, share: Array) -> Array:
-    """Linear between (..., n) and (..., n) at shares (...) 0 to 1; at 0 and 1 exactly either end's value."""
+    """Interpolate linearly between (..., n) and (..., n) at shares (...), exact at 0 and 1."""
     part = share[..., None]
     return np.where(part <= 0, first, np.where(part >= 1, second, first + part * (second - first)))
 
 
 def slerp_rotations(first: Array, second: Array, share: Array) -> Array:
-    """Unit quaternions (..., 4) on the shortest arc (Shoemake 1985) at shares (...) 0 to 1, constant speed.
+    """Interpolate unit quaternions (..., 4) along the shortest arc (Shoemake 1985) at shares (...), 0 to 1.
 
-    At 0 and 1 exactly either end's, so that a NaN beside a sample does not spoil it; signs as of the first.
+    At 0 and 1 the result is exactly that end, so that a NaN at the other end has no effect. The signs are
+    those nearest to `first`.
     """
     near = np.where(np.sum(first * second, -1, keepdims=True) < 0, -second, second)
     turn = multiply(conjugate(first), near)
@@ -116,10 +117,10 @@ _MOST_LISTED = 10
 
 @dataclass(frozen=True)
 class Gap:
-    """Gap of the frames with numbers `first` to `last`.
+    """Gap from frame number `first` to `last`.
 
     joint : the first joint without a pose in it, empty for lost frames. length_s : time from the last frame
-    before to the first after it, NaN without times.
+    before it to the first frame after it, NaN without times.
     """
 
     first: int
@@ -134,12 +135,12 @@ class Gap:
 
 
 def close_gaps(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecording:
-    """Remove gaps by a policy; a note states what was done.
+    """Remove gaps by a policy and add a note on what was done.
 
-    refuse : InputError that names the first gap. hold : repeat the pose before the gap, or at the start that
-    after it. cut : keep only the longest stretch without gaps. interpolate : positions linearly, rotations by
-    slerp over device time; InputError where a gap is longer than max_gap_s or open to one end. Raises
-    InputError as well where no frame is left, or a joint has no pose at all.
+    The policy is one of: refuse, raise InputError that names the first gap; hold, repeat the pose before the
+    gap, or after it if it is at the start; cut, keep only the longest stretch without gaps; interpolate,
+    positions linearly and rotations by slerp over device time, with an InputError if a gap is longer than
+    max_gap_s or at an end. Raises InputError as well if no frame is left or a joint has no pose at all.
     """
     gaps = find_gaps(motion)
     if not len(motion.frame):
@@ -159,7 +160,7 @@ def close_gaps(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRe
             f"{motion.origin}: joint {motion.names[int(np.argmax(never))]} has no pose in any of these "
             "frames, so there is nothing to fill from; widen --frames"
         )
-    if _lost(motion).sum() > FILLED_FRAMES:  # one wrong frame number may demand more than a disk holds
+    if _lost(motion).sum() > FILLED_FRAMES:  # a wrong frame number can mean very many frames
         widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
         raise InputError(
             f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
@@ -181,7 +182,7 @@ def close_gaps(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRe
 
 
 def find_gaps(motion: PosedRecording) -> list[Gap]:
-    """All gaps, in the order of their frames."""
+    """Return all gaps in the order of their frames."""
     whole, time_s = motion.whole, motion.time_s
     edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
     gaps = []
@@ -197,7 +198,7 @@ def find_gaps(motion: PosedRecording) -> list[Gap]:
 
 
 def _lost(motion: PosedRecording) -> Index:
-    """Number of lost frames after each frame but the last, (T - 1,), by the usual step of frame numbers."""
+    """Return the number of lost frames after each frame but the last (T - 1,), by the usual step."""
     step = np.diff(motion.frame)
     if not len(step):
         return np.zeros(0, np.int64)
@@ -206,7 +207,7 @@ def _lost(motion: PosedRecording) -> Index:
 
 
 def with_lost_frames(motion: PosedRecording) -> PosedRecording:
-    """Insert a frame without poses for every lost one, at an interpolated time."""
+    """Return the motion with a frame without poses, at an interpolated time, for each lost frame."""
     lost = _lost(motion)
     if not lost.any():
         return motion
@@ -250,7 +251,7 @@ def _cut(motion: PosedRecording) -> PosedRecording:
 
 
 def _fill_gaps(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
-    """Fill every gap, parents before children, so that a child is filled in its parent's frame."""
+    """Fill every gap, parents first, since a child is filled in its parent's frame."""
     whole, times = motion.known, motion.time_s
     x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)
     position, turn = motion.position_mm.copy(), motion.quaternion.copy()

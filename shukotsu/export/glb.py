@@ -1,17 +1,17 @@
 """GLB (glTF 2.0, binary): skeleton, a body of bones and the motion in one file, for the web, XR and Blender.
 
-Metres, +Y up. The hand is a node `right-hand` or `left-hand` with the joints below it, named as in WebXR Hand
-Input where no other rig was asked for, and beside it a node with its body, bound to the joints by a skin.
-Nodes stand at rest, the root's bone frame along the world's axes where the first frame has the root; that is
-also the pose that the body is bound in. The animation turns every joint, and moves the root and those joints
-that leave their place in their parent; a key a frame, linear between (rotations: by slerp). Times are device
-times counted from the first frame.
+Units are metres, with +Y up. The hand is a node `right-hand` or `left-hand` with the joints below it, named
+as in WebXR Hand Input unless another rig was requested, and beside it a node with its body, bound to the
+joints by a skin. Nodes are in the rest pose, in which the body is bound: the root is at its position in the
+first frame, with its bone frame along the world's axes. The animation rotates every joint and translates the
+root and the joints that leave their position in their parent. It has one key per frame with linear
+interpolation (slerp for rotations). Times are device times from the first frame.
 
-The body is a tapered solid along every bone, a ball at every joint, nails on a hand. Only the joints are
-measured; the thickness of the solids is chosen for legibility. A nail, on the back of a digit's end, tells
-the back of a hand from its palm, and so a right hand from a left one.
+The body is a tapered solid along every bone, a ball at every joint, and nails on a hand. Only the joints are
+measured; the thickness of the solids is chosen for legibility. A nail, on the back of a digit's end, shows
+which side is the back of the hand, and with it whether it is a right or a left hand.
 
-Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of where the motion has them.
+Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of their positions in the motion.
 Arrays become accessors of one binary chunk, the rest is JSON (glTF 2.0, section 4.4).
 """
 
@@ -39,9 +39,9 @@ from shukotsu.tables.whole_files import replacing
 
 _SIDES = 6
 _RINGS = ((0.2, 1.0), (0.92, 0.55))
-"""Places along a bone, and its radius there relative to the largest; both ends are points."""
+"""Positions along a bone (0 to 1) and the relative radii there; both ends of the bone are points."""
 _RADIUS = 0.2
-"""Radius of a bone relative to its length, and its limit relative to the skeleton's usual length."""
+"""Radius of a bone relative to its length, or to the skeleton's median bone length if that is less."""
 _BALL = 0.19
 _NAIL = np.array([0.13, 0.03, 0.19])
 _BOX = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -53,8 +53,8 @@ class Mesh:
     """Triangles fixed to joints.
 
     position_mm : (V, 3) at rest, in the root's bone frame. normal : (V, 3) unit. joint : (V,) index of the
-    joint that a vertex rides on. bone, nail : (F, 3) vertices of the triangles of either, anticlockwise as
-    seen from outside; there may be no nails.
+    joint that a vertex moves with. bone, nail : (F, 3) vertices of the triangles of bones and nails,
+    anticlockwise as seen from outside; there may be no nails.
     """
 
     position_mm: Array
@@ -76,10 +76,10 @@ class _Solid:
 
 
 def bone_mesh(motion: PosedRecording) -> Mesh:
-    """The skeleton's body at rest (`shukotsu.export.motion.rest_pose`).
+    """Return the mesh of the skeleton's body at rest (`shukotsu.export.motion.rest_pose`).
 
-    Every joint but the end of the skin has a ball, every bone of more than 1 mm a solid from its joint to the
-    next, both riding on the bone's joint; a tip of a digit of known anatomy has a nail.
+    Every joint except the end of the skin has a ball; every bone longer than 1 mm has a solid from its joint
+    to the next, which moves with the bone's joint; a tip of a digit of known anatomy has a nail.
     """
     rest_mm, rest_turn = rest_pose(motion)
     solids = list(_solids(motion))
@@ -116,9 +116,9 @@ def _solids(motion: PosedRecording) -> Iterator[_Solid]:
 
 
 def _taper(along_mm: Array, radius_mm: float) -> Array:
-    """Corners (V, 3) of a solid from the origin to a point, thickest near the origin."""
+    """Return the corners (V, 3) of a solid from the origin to a point, thickest near the origin."""
     direction = unit(along_mm)
-    # any two axes across it; the second helper stands in where the first is along the bone
+    # any two axes at right angles to it; the second helper is used if the first is nearly along the bone
     helper = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
     across = unit(np.cross(helper, direction))
     up = np.cross(direction, across)
@@ -129,7 +129,10 @@ def _taper(along_mm: Array, radius_mm: float) -> Array:
 
 
 def _flat(corners: Array) -> tuple[Array, Array, Index]:
-    """A convex solid with separate vertices for every face, so that edges look sharp."""
+    """Return vertices, normals and triangles of a convex solid with separate vertices for every face.
+
+    With these, edges look sharp.
+    """
     faces = _faces(corners)
     position = corners[faces]
     normal = unit(np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0]))
@@ -138,7 +141,7 @@ def _flat(corners: Array) -> tuple[Array, Array, Index]:
 
 
 def _sphere() -> tuple[Array, Index]:
-    """Vertices (42, 3), which are also normals, and faces (80, 3) of an icosahedron divided once."""
+    """Return vertices (42, 3), which are also normals, and faces (80, 3) of an icosahedron divided once."""
     golden = (1 + np.sqrt(5)) / 2
     corners = [
         np.roll(np.array([0.0, a, b * golden]), turn) for turn in range(3) for a in (-1, 1) for b in (-1, 1)
@@ -150,7 +153,7 @@ def _sphere() -> tuple[Array, Index]:
 
 
 def _faces(corners: Array) -> Index:
-    """Triangles (F, 3) of the convex solid with these corners (V, 3), anticlockwise as seen from outside."""
+    """Return the triangles (F, 3) of a convex solid with corners (V, 3), anticlockwise from outside."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(corners)
@@ -164,14 +167,14 @@ def _faces(corners: Array) -> Index:
 
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
-"""Targets of buffer views: attributes of vertices, and indices."""
+"""Targets of buffer views: vertex attributes and indices."""
 
 _COMPONENTS = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 LARGEST = 2**32 - 1
 
 
 class Document:
-    """A glTF asset under construction: its JSON, whose lists grow by `add`, and the pieces of its buffer."""
+    """A glTF asset under construction: its JSON, with lists that `add` extends, and parts of its buffer."""
 
     def __init__(self, asset: dict[str, Any]) -> None:
         self.json: dict[str, Any] = {"asset": {"version": "2.0", **asset}}
@@ -179,7 +182,7 @@ class Document:
         self._length = 0
 
     def add(self, kind: str, value: dict[str, Any]) -> int:
-        """Append an object to the list of its kind (nodes, meshes, ...); return its index."""
+        """Append an object to the list of its kind (nodes, meshes, ...) and return its index."""
         values = self.json.setdefault(kind, [])
         values.append(value)
         return len(values) - 1
@@ -187,10 +190,11 @@ class Document:
     def array(
         self, values: npt.NDArray[Any], *, target: int = 0, bounds: bool = False, normalized: bool = False
     ) -> int:
-        """Index of a new accessor of the values, shape (N,) or (N, 3), (N, 4), (N, 4, 4), by columns.
+        """Add an accessor of values and return its index.
 
-        The type of the values is that of the accessor's components. target : what the buffer view is for, 0
-        where it is not for vertices. bounds : with min and max.
+        values : shape (N,), (N, 3), (N, 4), or (N, 4, 4) with matrices transposed (column-major); their type
+        becomes that of the components. target : use of the buffer view for vertices, or 0. bounds : whether
+        to add min and max.
         """
         data = np.ascontiguousarray(values)
         view = {"buffer": 0, "byteOffset": self._length, "byteLength": data.nbytes}
@@ -211,7 +215,7 @@ class Document:
         return self.add("accessors", accessor)
 
     def write(self, path: Path) -> None:
-        """Write the asset as one GLB file; InputError where it is larger than GLB can be."""
+        """Write the asset as one GLB file. Raises InputError if it would be larger than GLB allows."""
         self.json["buffers"] = [{"byteLength": self._length}]
         text = json.dumps(self.json, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
@@ -230,7 +234,7 @@ class Document:
 
 
 MOVES_MM = 1e-6
-"""A joint that leaves its place at rest in its parent by more than this has positions in the animation."""
+"""A joint that leaves its rest position in its parent by more than this has positions in the animation."""
 
 _SCALE = 1e-3
 _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76, 1.0), 0.35)}
@@ -238,9 +242,10 @@ _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write a motion without gaps in a world with +Y up; return what the file does not hold.
+    """Write a motion without gaps, in mm with +Y up; return sentences on what the file lacks (none).
 
-    Raises InputError where a pose is missing, there is no frame, or device time is missing or does not grow.
+    Raises InputError if a pose is missing, if there is no frame, or if device times are missing or do not
+    increase.
     """
     require_whole(motion, path, "GLB")
     require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
@@ -260,7 +265,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     joints = list(range(first, first + len(motion.joints)))
     rest_mm, rest_turn = rest_pose(motion)
     back = conjugate(rest_turn)
-    from_world = np.tile(np.eye(4), (len(back), 1, 1))  # at rest, to each joint
+    from_world = np.tile(np.eye(4), (len(back), 1, 1))  # to each joint at rest
     from_world[:, :3, :3] = matrix(back)
     from_world[:, :3, 3] = -rotate(back, (rest_mm + motion.position_mm[0, 0]) * _SCALE)
     inverse = document.array(from_world.transpose(0, 2, 1).astype(np.float32))
@@ -296,7 +301,7 @@ def _joint_nodes(motion: PosedRecording, first: int) -> list[dict[str, Any]]:
 
 
 def _primitives(document: Document, motion: PosedRecording) -> list[dict[str, Any]]:
-    """Primitives of the body at rest: bones, and nails where there are any."""
+    """Return the primitives of the body at rest: bones, and nails if there are any."""
     mesh = bone_mesh(motion)
     count = len(mesh.joint)
     joint = np.zeros((count, 4), np.uint8 if len(motion.joints) <= 256 else np.uint16)

@@ -1,23 +1,24 @@
-"""The tree of bodies and joints of an OpenSim model: which coordinates each joint has, about which axes, and
-their values over a motion.
+"""The tree of bodies and joints of an OpenSim model: coordinates of each joint, their axes and values over
+time.
 
-A joint's frame stands where its angles are zero, on the parent's bone at the joint's rest offset; turns are
-carried one by the other, R = R(axis 1, q1) R(axis 2, q2) R(axis 3, q3), after the translations along the
-frame's own axes. So every relative pose of two bones has its coordinates, and nothing of it is lost.
+A joint's frame is fixed to the parent's bone, at the joint's rest offset, in the orientation of zero angles.
+A pose is given by translations along this frame's axes, followed by R = R(axis 1, q1) R(axis 2, q2) R(axis 3,
+q3). Three rotations and three translations describe every relative pose of two bones without loss.
 
-- A joint of known anatomy turns by the angles of `docs/movement.md`, in their order and with their signs:
+- A joint of known anatomy rotates by the angles of `docs/movement.md`, in their order and with their signs:
   flexion, abduction, rotation.
-- One with an estimated axis turns about that first. Its zero is the rotation nearest to the anatomical zero
-  of all that have the axis where the parent has it; abduction and rotation are about the two axes at right
-  angles to it. Where these two stay zero, a true hinge, the joint has flexion alone.
-- One of unknown anatomy turns from its mean about the axes that it turned about most, next and least.
-- One that was given no degree of freedom and moves all the same, a palm's, turns from its mean about the axes
-  of its bone, named as the angles are.
-- The root turns about the ground's axes, in the order that keeps its second angle furthest from 90 deg.
-- A bone that keeps still against its parent, and was given no degree of freedom, is welded to it.
+- A joint with an estimated axis first rotates about this axis. Its zero is, among the rotations that align
+the
+  axis in both bones, the one nearest to the anatomical zero; abduction and rotation are about two axes at
+  right angles to it. If these two stay zero, as in a true hinge, the joint has only flexion.
+- A joint of unknown anatomy rotates from its mean about the axes of its largest, second and third rotation.
+- A joint without a degree of freedom that moves nevertheless, such as a palm's, rotates from its mean about
+  the axes of its bone; its coordinates are named like the angles.
+- The root rotates about the ground's axes, in the order that keeps its second angle farthest from 90 deg.
+- A bone without a degree of freedom that does not move relative to its parent is welded to it.
 
-Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone: enough to build a
-model, not for forces.
+Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone; they suffice to build
+a model but not to compute forces.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ _ANGLES = ("flexion", "abduction", "rotation")
 
 @dataclass(frozen=True)
 class Coordinate:
-    """Coordinate of a joint over time: values (T,), in rad and continuous for a rotation, or in mm."""
+    """Coordinate of a joint over time; values : (T,), a continuous rotation, rad, or a translation, mm."""
 
     name: str
     values: Array
@@ -67,12 +68,27 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class JointForm:
-    """A joint and the body after it.
+    """A joint of the OpenSim model and the body that it carries.
 
-    index : of the joint in the motion. dof : what the skeleton model gave it. parent : index of the parent's
-    form in the list, -1 for the ground. offset_mm, quaternion : the joint's frame in the parent's bone frame.
-    axes : (3, 3) rows, all that the joint could turn about. turns : about them, 3, a hinge's 1, or none.
-    shifts : along the frame's own axes, 3 or none.
+    Attributes
+    ----------
+    index
+        Index of the joint in the motion.
+    name, body
+        Names of the joint and of the body.
+    dof
+        Degrees of freedom in the skeleton model.
+    parent
+        Index of the parent's form in the list, -1 for the ground.
+    offset_mm, quaternion
+        Joint's frame in the parent's bone frame, shapes (3,) and (4,).
+    axes
+        Rows of the (3, 3) array are the axes of rotation.
+    turns
+        Rotations about these axes: three, one (a hinge), or none.
+    shifts
+        Translations along the frame's axes: three or none.
+
     """
 
     index: int
@@ -88,12 +104,12 @@ class JointForm:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Turns, then shifts."""
+        """Rotations, then translations."""
         return (*self.turns, *self.shifts)
 
 
 def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
-    """Forms of all joints but the tips, parents first; the motion has no gap and at least one frame."""
+    """Return the forms of all joints except tips, parents first, of a motion with frames and without gaps."""
     local_mm, local = local_motion(motion)
     kept = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     places = {index: number for number, index in enumerate(kept)}
@@ -127,10 +143,10 @@ def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
 
 @dataclass(frozen=True)
 class Body:
-    """What a joint carries, in its bone frame: a bone to each joint and tip that follows.
+    """The body that a joint carries, in its bone frame: a bone to each following joint and tip.
 
-    spans_mm : (n, 3) their places, none at the origin. length_mm : of the longest. mass_kg; middle_mm : (3,)
-    its centre; inertia_kg_m2 : (3,) about the frame's axes.
+    spans_mm : (n, 3), the ends of these bones, except at the origin. length_mm : length of the longest one.
+    mass_kg : its mass. middle_mm : (3,), its centre of mass. inertia_kg_m2 : (3,), about the frame's axes.
     """
 
     spans_mm: Array
@@ -158,9 +174,9 @@ def body_of(motion: PosedRecording, form: JointForm) -> Body:
 def fixed_points(
     motion: PosedRecording, forms: Sequence[JointForm], taken: Sequence[str]
 ) -> list[tuple[str, JointForm, Array]]:
-    """Name, carrier and place (3,) mm of the tips, which are no joints but points of a body.
+    """Return the name, form and position (3,), mm, of each tip, which is a point fixed to a form's body.
 
-    taken : names that no tip may have.
+    taken : names that are in use already.
     """
     places = {form.index: form for form in forms}
     tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
@@ -170,7 +186,7 @@ def fixed_points(
 
 
 def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array) -> tuple[Coordinate, ...]:
-    """The coordinates that a joint needs of the three that it could have."""
+    """Return those of a joint's three rotations that it needs."""
     turns = tuple(Coordinate(f"{name}_{label}", value) for label, value in zip(labels, values.T, strict=True))
     if joint.parent < 0:
         return turns
@@ -182,7 +198,7 @@ def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array
 
 
 def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
-    """A joint's frame (4,) in its parent's bone, its axes (3, 3) and what turns about them are called."""
+    """Return a joint's frame (4,) in its parent's bone, its axes (3, 3), and the names of its rotations."""
     joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
     mean = mean_rotation(turn)
     anatomical = bool(np.isfinite(neutral).all())
@@ -197,7 +213,7 @@ def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Arra
     if not anatomical and joint.dof:
         change = multiply(conjugate(mean), turn)
         vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
-        about = np.linalg.eigh(vector.T @ vector)[1].T[::-1]  # what it turned about, most first
+        about = np.linalg.eigh(vector.T @ vector)[1].T[::-1]  # axes by the amount of rotation, largest first
         about = about * np.sign(about[np.arange(3), np.abs(about).argmax(1)])[:, None]
         axes = np.stack([about[0], about[1], np.cross(about[0], about[1])])
         labels = ("turn1", "turn2", "turn3")
@@ -209,14 +225,14 @@ def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Arra
 
 
 def _complete_axes(first: Array, axes: Array) -> Array:
-    """Right-handed axes (3, 3) of which one is given, the second nearest to that of right-handed `axes`."""
+    """Return right-handed axes (3, 3) with this first axis and the second one nearest to that of `axes`."""
     near = axes[1] if abs(first @ axes[1]) < 0.9 else axes[0]
     second = unit(near - (near @ first) * first)
     return np.stack([first, second, np.cross(first, second)])
 
 
 def shortest_turn(start: Array, end: Array) -> Array:
-    """The smallest rotation (4,) that takes one unit vector (3,) to another."""
+    """Return the smallest rotation (4,) that takes the unit vector `start` (3,) to `end` (3,)."""
     across = np.cross(start, end)
     sine = float(np.linalg.norm(across))
     if sine == 0.0 and start @ end > 0:

@@ -1,23 +1,23 @@
 """Input of every export format: one hand's skeleton and its motion over a recording, in WebXR frames.
 
-Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
-define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
-side); +X = Y x Z, which is to the right of a hand that points forward with its back up, right and left hand
-alike. No frame is mirrored: a left hand is left because its joints are. In the frames of our tables (x
-distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
+Bone frames. Every joint has the frame of the bone that starts there, as WebXR Hand Input and OpenXR define
+it: -Z along the bone, away from the wrist; +Y out of the back of the bone (for a thumb, the nail's side); +X
+= Y x Z, which points to the right for both hands when the hand points forward with its back up. No frame is
+mirrored; a left hand differs in the positions of its joints. In terms of the frames of our tables (x distal,
+z dorsal, y = z x x), X = -y, Y = z and Z = -x: `BONE_TO_WEBXR`.
 
-World. Positions and rotations are in the transmitter's frame, mm, as measured; `registry.prepare` turns them
-to what a format expects.
+World. Positions and rotations are in the transmitter's frame, mm, as measured; `registry.prepare` rotates
+them to the axes that a format expects.
 
-Tree. Bone 0 is the root, the wrist of a hand. A digit ends in tips, which have its last bone's rotation. Of a
-fitted hand these are `<digit>_tip`, the end of the bone, and after it `<digit>_skin_tip`, the end of the
-digit, skin and all; of other skeletons `<digit>_receiver_tip`, the origin of the distal receiver
-(docs/conventions.md). At rest digits are straight, the first bone of each as it stands on average.
+Tree. Bone 0 is the root, the wrist of a hand. A digit ends in tips, which have its last bone's rotation. For
+a fitted hand these are `<digit>_tip`, the end of the bone, and after it `<digit>_skin_tip`, the end of the
+digit including skin; for other skeletons `<digit>_receiver_tip`, the origin of the distal receiver
+(docs/conventions.md). At rest, digits are straight, and the first bone of each is in its average orientation.
 
-Translations. Bones are as long as the tables say (`rest_offset_mm`), but joint centres that were solved
-joint by joint leave a gap, and skin leaves one in a fitted hand: what is in a frame beyond the rest offset
-is a joint's own small translation. `position_mm` holds it, so that every joint is where the tables have it.
-`stiffen` gives the skeleton without: the bones' rotations, every bone as long as it is.
+Translations. Bones have the lengths in the tables (`rest_offset_mm`), but two bones do not meet exactly at
+joint centres that were solved one by one, nor, because of skin motion, in a fitted hand. In each frame the
+difference from the rest offset is a small translation of the joint. `position_mm` includes it, so that every
+joint is where the tables have it. `stiffen` removes it and keeps only rotations.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import file_sha256
 
 BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-"""Quaternion (4,) from the WebXR frame of a bone to its frame in our tables: q_webxr = q_bone * this."""
+"""Quaternion (4,) from a bone's WebXR frame to its frame in our tables: q_webxr = q_bone * BONE_TO_WEBXR."""
 
 BONE_FRAME = (
     "-Z along the bone away from the wrist, +Y out of its back (of a thumb, the nail's side), +X = Y x Z "
@@ -55,22 +55,22 @@ BONE_FRAME = (
 )
 
 DISTAL = np.array([0.0, 0.0, -1.0])
-"""Along a bone, in its own frame."""
+"""Direction along a bone in its WebXR frame."""
 
 SKIN_TIP, RECEIVER_TIP = "_skin_tip", "_receiver_tip"
-"""Ends of the names of tips that are not the end of a bone."""
+"""Suffixes of tips that are not the end of a bone."""
 
 BLOCK_FRAMES = 4096
 """Frames per block of a table."""
 
 MOVES_MM = 1e-5
-"""A joint that leaves its rest offset by more than this moves against the bone before."""
+"""A joint that leaves its rest offset by more than this is said to move relative to the bone before it."""
 
 ALONE_HZ = 60.0
-"""Rate in a file of one frame, for which none is known, where the format cannot do without."""
+"""Rate written to a file with a single frame, which has no rate, if the format requires one."""
 
 MOST_FRAMES = 100_000
-"""Most frames of an export, seven minutes at 240 Hz: within 2 GB of memory."""
+"""Largest number of frames in an export, seven minutes at 240 Hz, for which 2 GB of memory suffice."""
 
 Range = tuple[int | None, int | None]
 
@@ -78,11 +78,12 @@ Range = tuple[int | None, int | None]
 def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (None, None)) -> PosedRecording:
     """Read one hand's skeleton under one model and its motion in one recording.
 
-    licence : terms of use, stated in every file. frames : the first and the last to read by their recorded
-    numbers; None: to that end. Of more than MOST_FRAMES only every n-th is read. Digits whose joints failed,
-    or that have no pose in any frame, are left out. Notes say so. Raises InputError where a table is absent
-    or its making failed, where no frame is in the range, where no digit is left, or where the layout's digits
-    do not hang together.
+    If there are more than MOST_FRAMES, only every n-th frame is read. Digits whose joints failed, or that
+    have no pose in any frame, are left out. Notes report both.
+
+    licence : terms of use to state in every file. frames : recorded numbers of the first and last frame to
+    read; None for the recording's start or end. Raises InputError if a table is missing or failed, if no
+    frame is in the range, if no digit is left, or if the layout's digits are not connected to one tree.
     """
     poses, thinned = _poses(reader, frames)
     bones = reader.bones(poses)
@@ -95,8 +96,8 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
     for joint in (joint for joint in bones.joints[1:] if joint.parent < 0):
         raise InputError(
-            f"digit {joint.digit} hangs from {reader.layout.digits[joint.digit].base}, which is no bone "
-            "of the skeleton; an export needs one tree, so give each part a layout of its own"
+            f"digit {joint.digit} is attached to {reader.layout.digits[joint.digit].base}, which is not a "
+            "bone of the skeleton; an export needs one tree, so describe each part by a separate layout"
         )
     bones, unseen = _seen_digits(bones)
     for joint, offset in zip(bones.joints, bones.rest_offset_mm, strict=True):
@@ -138,7 +139,7 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
 
 
 def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
-    """Read the receivers, at most MOST_FRAMES of the range; a note tells if frames were skipped."""
+    """Return the receivers' poses in at most MOST_FRAMES of the range, and a note if frames are skipped."""
     every = -(-reader.n_frames // MOST_FRAMES)
     if every > 1 and frames != (None, None):
         poses = joined_poses([block.take(_inside(block.frame, frames)) for block in reader.pose_blocks()])
@@ -158,11 +159,11 @@ def _inside(frame: Index, frames: Range) -> Index:
 
 
 def in_webxr(bones: PosedRecording, layout: Layout) -> PosedRecording:
-    """Return the motion in WebXR frames, a thumb's facing its nail, with rotations that are continuous.
+    """Return the motion in WebXR frames, with +Y of a thumb towards its nail, and with continuous rotations.
 
-    bones : one tree, every digit with a pose in some frame.
+    bones : one tree, in which every digit has a pose in some frame.
     """
-    unsaid = np.asarray(np.isnan(bones.rest_offset_mm).all(-1))  # of digits' first bones: as on average
+    unsaid = np.asarray(np.isnan(bones.rest_offset_mm).all(-1))  # digits' first bones: their average is used
     bones = at_rest(layout, bones)
     offset_mm = np.where(unsaid[:, None], np.nan_to_num(bones.rest_offset_mm), bones.rest_offset_mm)
     rest = np.where(unsaid[:, None], bones.rest, [1.0, 0.0, 0.0, 0.0])
@@ -187,9 +188,9 @@ def in_webxr(bones: PosedRecording, layout: Layout) -> PosedRecording:
 def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]:
     """Remove digits in which a joint has no pose in any frame; return the remaining bones and the reasons.
 
-    Everything attached to such a digit is removed as well. If only the end of the skin is never known, as in
-    digits without known anatomy, only it is removed. Bones beyond a digit's last receiver stay, without a
-    pose.
+    Everything attached to such a digit is removed as well. If only the end of the skin is unknown, as in
+    digits of unknown anatomy, only that tip is removed. Bones beyond a digit's last receiver remain, without
+    poses.
     """
     seen = np.asarray(bones.known.any(0)) | beyond_receivers(bones)
     some = bool(len(bones.position_mm))
@@ -206,7 +207,7 @@ def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]
 
 
 def beyond_receivers(motion: PosedRecording) -> Bools:
-    """Joints (B,) that never have a pose, in digits with poses before and none after them."""
+    """Return which joints (B,) never have a pose and come after the last joint of their digit with one."""
     seen: Bools = np.asarray(motion.known.any(0))
     beyond: Bools = ~seen & np.isfinite(motion.rest_offset_mm).all(-1)
     for digit in {joint.digit for joint in motion.joints}:
@@ -217,9 +218,9 @@ def beyond_receivers(motion: PosedRecording) -> Bools:
 
 
 def with_unmeasured_at_rest(motion: PosedRecording) -> PosedRecording:
-    """Extend each digit straight beyond its last receiver; a note names these bones.
+    """Extend each digit straight beyond its last receiver, and add a note that names these bones.
 
-    For programs that need every bone of a finger in every frame.
+    This is for programs that need every bone of a finger in every frame.
     """
     beyond = np.flatnonzero(beyond_receivers(motion))
     if not len(beyond):
@@ -241,9 +242,9 @@ def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRe
 
 
 def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
-    """Return the index of the joint whose bone carries a tip, and the tip's place (3,) on it at rest."""
+    """Return the index of the joint whose bone carries a tip, and the tip's rest position on it (3,), mm."""
     offset_mm, above = motion.rest_offset_mm[tip], motion.joints[tip].parent
-    while motion.joints[above].tip:  # tips have the bone's own rotation
+    while motion.joints[above].tip:  # a tip has the rotation of its bone
         offset_mm, above = offset_mm + motion.rest_offset_mm[above], motion.joints[above].parent
     return above, offset_mm
 
@@ -257,9 +258,9 @@ def with_receivers(motion: PosedRecording, kept: Bools) -> PosedRecording:
 
 
 def with_seen_receivers(motion: PosedRecording) -> tuple[PosedRecording, tuple[str, ...]]:
-    """Remove receivers without a pose in any frame; a sentence tells if there were any.
+    """Remove receivers without a pose in any frame; return the motion and a sentence on them, if any.
 
-    A layout may name receivers that were not worn, such as the forearm's.
+    A layout may contain receivers that were not worn, such as the forearm's.
     """
     seen = np.asarray(motion.receivers.valid.any(0))
     if seen.all():
@@ -269,10 +270,10 @@ def with_seen_receivers(motion: PosedRecording) -> tuple[PosedRecording, tuple[s
 
 
 def local_motion(motion: PosedRecording) -> tuple[Array, Array]:
-    """Return each joint's pose in its parent's bone frame, of the root in the world: (T, J, 3), (T, J, 4).
+    """Return each joint's pose in its parent's bone frame, and the root's in the world: (T, J, 3), (T, J, 4).
 
-    The offset is the rest offset plus the joint's own translation in that frame; signs of the quaternions are
-    continuous; NaN in gaps of either bone.
+    The offset, mm, is the rest offset plus the joint's translation in that frame. Quaternions have continuous
+    signs. Both are NaN in gaps of either bone.
     """
     parents, position, turn = motion.parents, motion.position_mm, motion.quaternion
     back = conjugate(turn[:, parents])
@@ -292,11 +293,11 @@ def rest_pose(motion: PosedRecording) -> tuple[Array, Array]:
 
 
 def stiffen(motion: PosedRecording) -> PosedRecording:
-    """Keep rotations only: joints at their rest offsets, the root unchanged.
+    """Return the motion with joints at their rest offsets, so that only the root has translations.
 
-    For programs without stretching bones. A note states the largest displacement of a joint. Of a skeleton
-    that is no fitted hand this is the replay with the least-squares binding, and its tips are those of the
-    tips table.
+    This is for programs in which bones cannot stretch. A note states the largest displacement of a joint. For
+    a skeleton that is not a fitted hand, the result is the replay with the least-squares binding, with the
+    tips of the tips table.
     """
     position = rigid_positions(motion)
     moved_mm = np.linalg.norm(position - motion.position_mm, axis=-1)
@@ -311,9 +312,9 @@ def stiffen(motion: PosedRecording) -> PosedRecording:
 
 
 def continuous(quaternion: Array) -> Array:
-    """Return quaternions (T, N, 4) with signs that bring known neighbours in time within 90 deg as 4-vectors.
+    """Return quaternions (T, N, 4) with signs that put successive known ones, as 4-vectors, within 90 deg.
 
-    Of every point the first known has w >= 0. NaN stays.
+    The first known quaternion of each of the N series has w >= 0. NaN stays.
     """
     out = quaternion.copy()
     for index in range(quaternion.shape[1]):
@@ -327,19 +328,16 @@ def continuous(quaternion: Array) -> Array:
 
 
 def require_whole(motion: PosedRecording, path: Path, name: str) -> None:
-    """Raise InputError where the motion has no frame, or a pose is missing.
-
-    name : of the format, for the message.
-    """
+    """Raise InputError if there is no frame or a pose is missing; name : the format, for the message."""
     if not len(motion.frame) or not motion.whole.all():
         raise InputError(
-            f"{path}: {name} holds no frame without a pose and no file without a frame; choose --gaps hold, "
+            f"{path}: {name} needs at least one frame, and a pose in every frame; choose --gaps hold, "
             "cut or interpolate"
         )
 
 
 def require_rate(motion: PosedRecording, path: Path, name: str) -> None:
-    """Raise InputError where the rate of several frames is not known; name : of the format."""
+    """Raise InputError if there are several frames of unknown rate; name : the format, for the message."""
     if len(motion.frame) > 1 and not isfinite(motion.rate_hz):
         raise InputError(
             f"{path}: the recording has no device time, and {name} needs a rate; give rate_hz in a mapping"
@@ -349,9 +347,10 @@ def require_rate(motion: PosedRecording, path: Path, name: str) -> None:
 def require_times(
     motion: PosedRecording, times: npt.NDArray[np.floating], where: Path | str, name: str
 ) -> None:
-    """Raise InputError where device times are missing or do not increase.
+    """Raise InputError if device times are missing or do not increase.
 
-    times : (T,) as the format stores them. where, name : a file and its format, or what else needs them.
+    times : (T,), as the format stores them. where, name : a file and its format, or an option and its use,
+    for the message.
     """
     if len(times) < 2:
         return
@@ -362,15 +361,15 @@ def require_times(
     still = np.flatnonzero(~(np.diff(times) > 0))
     if len(still):
         raise InputError(
-            f"{where}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in "
-            f"{name} it must; choose --frames that leave this out"
+            f"{where}: device time does not increase from frame {motion.frame[still[0]]} to the next, as "
+            f"{name} requires; choose --frames that leave this out"
         )
 
 
 def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str) -> str:
-    """Return the name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
+    """Return a file's name without extension, such as sub-01_hand-right_task-opposition_model-whole-hand.
 
-    Letters of any script stay; characters that file names cannot hold become %XX (`path_token`).
+    Letters of any script are kept; characters that file names cannot contain become %XX (`path_token`).
     """
     parts = {"hand": hand, "task": task, "trial": trial, "model": model}
     named = [f"{key}-{path_token(value)}" for key, value in parts.items() if value]
@@ -378,15 +377,15 @@ def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str)
 
 
 def ascii_name(name: str) -> str:
-    """The name in letters, digits and `_ - : .` of ASCII only, for formats that know no quotes.
+    """Return a name in ASCII letters, digits and `_ - : .`, for formats in which names cannot be quoted.
 
-    Any other character becomes its code, so that different names in practice stay different.
+    Any other character is replaced by its code, so that in practice different names stay different.
     """
     return "".join(c if c.isascii() and (c.isalnum() or c in "_-:.") else f"_u{ord(c):04x}" for c in name)
 
 
 def plain_names(names: Iterable[str]) -> list[str]:
-    """Names of letters, digits and underscores, no two the same; all that XML, OpenSim and scripts take."""
+    """Return unique names of ASCII letters, digits and underscores, which XML, OpenSim and scripts accept."""
     taken: list[str] = []
     for original in names:
         name = plain = re.sub(r"\W", "_", ascii_name(original), flags=re.ASCII)
@@ -398,9 +397,10 @@ def plain_names(names: Iterable[str]) -> list[str]:
 
 
 def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = ()) -> dict[str, Any]:
-    """Return facts about a file, in JSON types and a fixed order; no date and no absolute path.
+    """Return facts about a file in JSON types and a fixed order, without a date or an absolute path.
 
-    unit : of length. up : the axis that points up; empty in the transmitter's own frame.
+    unit : unit of length. up : the axis that points up, or empty in the transmitter's frame. dropped :
+    sentences on what the file lacks.
     """
     origin, name = motion.origin, motion.origin.recording
     turned = f", turned so that {up} is up" if up else ""
@@ -426,7 +426,7 @@ def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = (
 
 
 def facts_text(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str]) -> str:
-    """Return the facts as lines of text, for formats that have no place for them."""
+    """Return the facts as lines of text, for formats that cannot contain them."""
     lines = []
     for key, value in facts(motion, unit, up, dropped).items():
         if isinstance(value, list):

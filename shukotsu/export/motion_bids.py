@@ -1,8 +1,8 @@
-"""Motion-BIDS: a dataset that gathers recordings, for neuroscience and human-computer interaction.
+"""Motion-BIDS: a dataset of all recordings, for neuroscience and human-computer interaction.
 
-Of every recording two tracking systems are written: `tracksys-righthand`, the receivers, and
-`tracksys-righthandskeleton` with the model's name, joints, bones and joint angles. Positions are in metres,
-joint angles in degrees. Recordings of one dataset must not be added at the same time.
+Every recording is written as two tracking systems: `tracksys-righthand`, the receivers, and
+`tracksys-righthandskeleton` followed by the model's name, with joints, bones and joint angles. Positions are
+in metres, joint angles in degrees. Recordings must not be added to a dataset by several processes at once.
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ from shukotsu.tables.whole_files import replacing, write_text
 
 DESCRIPTION, PARTICIPANTS = "dataset_description.json", "participants.tsv"
 BEFORE_DESCRIPTION = ("README", PARTICIPANTS, "participants.json")
-"""Files of a dataset that are written before its description."""
+"""Files of a dataset that are written before DESCRIPTION."""
 EXTRA_KEY = "Shukotsu"
-"""Key of motion.json for facts that BIDS has no key for."""
+"""Key in motion.json for facts that have no key in BIDS."""
 TYPES = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
 UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber", "InstitutionName",
            "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription")  # fmt: skip
-"""Keys of motion.json that BIDS recommends but no table has."""
+"""Keys of motion.json that BIDS recommends, but whose values are unknown."""
 
 README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
 
 Tracking systems "righthand" and "lefthand" are the receivers as recorded; with "skeleton" and a model's
 name, that person's joints, bones and joint angles, computed from them. Metres, degrees, unit quaternions to
-the transmitter's frame; n/a where there was no pose. Whole names stand under "{EXTRA_KEY}" in motion.json and
-in participants.tsv. In a label Q starts a stand-in: Qs a blank, Qd a hyphen, Qu an underscore, Qp a point,
-QQ the letter Q, Qx and x around another character's code point in hexadecimal.
+the transmitter's frame; n/a if there was no pose. Full names are under "{EXTRA_KEY}" in motion.json and in
+participants.tsv. In labels, Q starts an escape: Qs is a space, Qd a hyphen, Qu an underscore, Qp a point,
+QQ the letter Q, and Qx...x encloses another character's code point in hexadecimal.
 """
 _UNITS = {"_mm": {"Units": "mm"}}
 _NAME = {"name": {"Description": "The subject's name, of which participant_id is made."}}
@@ -81,7 +81,7 @@ class MotionChannel(NamedTuple):
     description: str
 
     def row(self, rate_hz: str) -> dict[str, str]:
-        """Return its row of channels.tsv."""
+        """Return the column's row of channels.tsv."""
         frames = {"POS": "transmitter", "ORNT": "transmitter", "JNTANG": "parent_bone"}
         texts = {key: value for key, value in self._asdict().items() if key not in ("values", "description")}
         placed = {"placement": self.tracked_point, "reference_frame": frames.get(self.type, "n/a")}
@@ -90,13 +90,16 @@ class MotionChannel(NamedTuple):
 
 
 def label(name: str) -> str:
-    """Return a name as a BIDS label, of ASCII letters and digits; no two names share one."""
+    """Return a name as a BIDS label of ASCII letters and digits; different names have different labels."""
     short = {"Q": "Q", "_": "u", "-": "d", " ": "s", ".": "p"}
     return re.sub(r"[^A-PR-Za-z0-9]", lambda odd: "Q" + short.get(odd[0], f"x{ord(odd[0]):x}x"), name)
 
 
 def recording_path(name: RecordingName, model: str = "") -> str:
-    """Return the path of a tracking system's files, up to their ending; a trial without a number is `acq`."""
+    """Return the path of a tracking system's files without their ending.
+
+    A trial that is a number becomes the entity `run`, any other trial `acq`.
+    """
     who = [f"sub-{label(name.subject)}", *([f"ses-{label(name.session)}"] if name.session else [])]
     system = f"{label(name.hand)}hand" + (f"skeleton{label(model)}" if model else "")
     numbered = re.fullmatch(r"[0-9]+", name.trial)
@@ -105,12 +108,13 @@ def recording_path(name: RecordingName, model: str = "") -> str:
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Add a recording to the dataset whose description `path` is, or replace it; return what files lack.
+    """Add a recording to a dataset, or replace it there; return sentences on what the files lack.
 
-    Raises InputError where there is no frame, no rate is known for several, or the folder is no dataset.
+    path : the dataset's description. Raises InputError if there is no frame, if several frames have no known
+    rate, or if the folder is not a dataset.
     """
     if not len(motion.frame):
-        raise InputError(f"{path}: Motion-BIDS holds no recording without a frame; widen --frames")
+        raise InputError(f"{path}: Motion-BIDS needs a recording with at least one frame; widen --frames")
     require_rate(motion, path, "BIDS")
     motion, unseen = with_seen_receivers(motion)
     add_participant(path.parent, motion.origin.recording.subject, motion.origin.licence)
@@ -118,7 +122,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     receiver_facts = {key: value for key, value in all_facts.items() if key not in ("model", "bone_frame")}
     receiver_facts["inputs_sha256"] = {
         name: sha for name, sha in motion.origin.inputs.items() if name.rpartition("/")[2] == "poses.parquet"
-    }  # receivers are the same by any model
+    }  # receivers do not depend on the model
     _write_system(path.parent, motion, "", receiver_facts, _receiver_channels)
     _write_system(path.parent, motion, motion.origin.model, all_facts, _skeleton_channels)
     if np.isfinite(motion.rate_hz):
@@ -133,7 +137,7 @@ def _write_system(
     more_facts: Mapping[str, Any],
     channels_of: Callable[[PosedRecording], Iterable[MotionChannel]],
 ) -> None:
-    """Write the four files of a tracking system, motion.tsv last; model : empty of the receivers."""
+    """Write the four files of a tracking system, motion.tsv last; model : name, empty for the receivers."""
     timed = motion.time_s[np.isfinite(motion.time_s)]
     name, rates = motion.origin.recording, sampling_rates(motion.rate_hz, motion.time_s)
 
@@ -182,8 +186,9 @@ def _write_system(
 
 
 def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
-    """Return SamplingFrequency and what follows from the times (T,), NaN where unknown; one frame may have no
-    rate.
+    """Return SamplingFrequency and, if the rate is known, the effective frequency and the duration.
+
+    time_s : (T,), NaN if unknown. A single frame has no rate; its SamplingFrequency is ALONE_HZ.
     """
     if not np.isfinite(rate_hz):  # the validator rejects n/a
         return {"SamplingFrequency": ALONE_HZ}
@@ -197,7 +202,7 @@ def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
 
 
 def _clock_channels(motion: PosedRecording, timed: Array) -> Iterable[MotionChannel]:
-    """Frame numbers; latency as BIDS wants it, from the recording's first time, and device time."""
+    """Yield the channels of frame number, latency (time since the recording's first) and device time."""
     frame = pa.array(motion.frame)
     yield MotionChannel(frame, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
     if len(timed):
@@ -209,7 +214,7 @@ def _clock_channels(motion: PosedRecording, timed: Array) -> Iterable[MotionChan
 
 
 def _receiver_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
-    """Every receiver's pose, tracked points being the segments that carry them."""
+    """Yield the channels of every receiver's pose; the tracked points are the segments that carry them."""
     receivers = motion.receivers
     for index, segment in enumerate(receivers.segments):
         yield from _numbers(segment, "POS", "receiver", receivers.position_mm[:, index])
@@ -217,7 +222,7 @@ def _receiver_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
 
 
 def _skeleton_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
-    """Every joint's position, the rotation of the bone that starts there, and angles of known anatomy."""
+    """Yield the channels of joints' positions, bones' rotations, and angles of joints of known anatomy."""
     for index, joint in enumerate(motion.joints):
         ends = {SKIN_TIP: "end of the digit, skin and all", RECEIVER_TIP: "distal receiver's origin"}
         end = next((kind for name, kind in ends.items() if joint.name.endswith(name)), "end of the last bone")
@@ -231,7 +236,7 @@ def _skeleton_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
 
 
 def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[MotionChannel]:
-    """Channels of positions (T, 3) in mm, rotations (T, 4) or joint angles (T, 3) in degrees, NaN in gaps."""
+    """Yield the channels of positions (T, 3), mm, rotations (T, 4) or angles (T, 3), deg; NaN in gaps."""
     unit, text, names, digits = {
         "POS": ("m", "position of the {}, {}", ("pos_x", "pos_y", "pos_z"), 12),
         "ORNT": ("n/a", "{} to transmitter frame, {}", ("quat_w", "quat_x", "quat_y", "quat_z"), 12),
@@ -246,31 +251,32 @@ def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Motion
 
 
 def check_folder(folder: Path) -> None:
-    """Raise InputError where a folder to write to is a file or holds something else than a dataset."""
+    """Raise InputError if a folder to write to is a file, or contains files but no dataset."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; expected a folder for the dataset")
     others = [path for path in folder.glob("[!.]*") if path.name not in BEFORE_DESCRIPTION]
     if others and not (folder / DESCRIPTION).is_file():
-        raise InputError(f"{folder}: holds files but no {DESCRIPTION}; expected a new folder or a dataset")
+        raise InputError(f"{folder}: contains files but no {DESCRIPTION}; expected a new folder or a dataset")
 
 
 def tsv_text(rows: Iterable[Iterable[object]]) -> str:
-    """Format rows as the text of a TSV file: no tab or line break in a cell, n/a for nothing."""
+    """Format rows as the text of a TSV file, without tabs or line breaks in cells, and n/a for empty ones."""
     cell = lambda value: "n/a" if value is None else " ".join(str(value).split()) or "n/a"  # noqa: E731
     return "".join("\t".join(map(cell, row)) + "\n" for row in rows)
 
 
 def json_text(content: Mapping[str, Any]) -> str:
-    """Format a JSON object as the text of a sidecar."""
+    """Format a JSON object as the text of a sidecar file."""
     return json.dumps(content, ensure_ascii=False, indent=2) + "\n"
 
 
 def write_dataset_files(
     folder: Path, name: str, participants: Mapping[str, Mapping[str, Any]], licence: str = ""
 ) -> None:
-    """Write or replace the files that describe a whole dataset. Raises InputError where the folder is none.
+    """Write or replace the files that describe a whole dataset.
 
-    participants : subject -> more columns of participants.tsv, the same ones of all, None where not known.
+    participants : further columns of participants.tsv by subject; None if unknown. Raises InputError if the
+    folder contains something other than a dataset.
     """
     check_folder(folder)
     columns = dict.fromkeys(column for values in participants.values() for column in values)
@@ -291,7 +297,7 @@ def write_dataset_files(
 
 
 def add_participant(folder: Path, subject: str, licence: str = "") -> None:
-    """Add a subject to a dataset that does not have it; a folder without one becomes one of that subject."""
+    """Add a subject to a dataset if it is missing; a folder without a dataset gets one with this subject."""
     check_folder(folder)
     path = folder / PARTICIPANTS
     if not (folder / DESCRIPTION).is_file():

@@ -1,18 +1,19 @@
 """OpenSim: a person's skeleton as a model, its motion, its receivers as markers, and inverse kinematics.
 
-Five files with one stem: `.osim`, the model; `.mot`, its coordinates over time, which place every joint where
-the tables have it; `.trc`, the receivers as they were measured, a triad of markers each; `_ik_setup.xml`,
-which has OpenSim find the coordinates from the markers by its own inverse kinematics, on `_ik.osim`. The
-ground is the transmitter's frame with Y up; metres and degrees, markers in mm.
+There are five files with the same stem: `.osim`, the model; `.mot`, its coordinates over time, which put
+every joint where the tables have it; `.trc`, the measured receivers, each as a group of four markers;
+`_ik_setup.xml`, with which OpenSim computes the coordinates from the markers by inverse kinematics; and
+`_ik.osim`, the model for this. The ground is the transmitter's frame with Y up. Units are metres and degrees,
+for markers mm.
 
-`_ik.osim` is the same model with coordinates locked that markers do not tell: the joints' own translations,
-and the axial rotation of bones without a receiver. In `.osim` they are free, as OpenSim leaves a locked
-coordinate where it is when it plays a motion, and says nothing.
+In `_ik.osim` the coordinates that markers do not determine are locked: the joints' translations, and the
+axial rotation of bones without a receiver. In `.osim` they are free, because OpenSim silently ignores the
+values of a locked coordinate when it plays a motion.
 
-A triad is a receiver's origin and a point 10 mm along every axis of its solid. On a bone it sits where it was
-on average over the recording; in the laboratory it is where the receiver was measured. What is between the
-two is skin, and the error of the skeleton. `.mot` and `.trc` are tab-separated lines under a header, numbers
-with as few digits as they need.
+A triad is the markers of a receiver: its origin, and a point 10 mm along each of its axes. In the model it is
+at its average position on the bone over the recording; in `.trc` it is where the receiver was measured. The
+difference is due to skin motion and errors of the skeleton. `.mot` and `.trc` are tab-separated lines under a
+header, with no more digits than needed.
 """
 
 from __future__ import annotations
@@ -62,9 +63,9 @@ POINTS = ("o", "x", "y", "z")
 class Triad:
     """Markers of a receiver, and the body that carries it.
 
-    form : index of the body's form. markers : names of its points. local_mm : (4, 3) in the bone's frame.
-    receiver : its place among the motion's. spread_mm : RMS distance of the points from their places on the
-    bone.
+    segment : the segment that wears the receiver. form : index of the body's form. markers : names of the
+    points. local_mm : (4, 3), the points in the bone's frame. receiver : index among the motion's receivers.
+    spread_mm : RMS distance of the measured points from their positions on the bone.
     """
 
     segment: str
@@ -75,13 +76,13 @@ class Triad:
     spread_mm: float
 
     def measured_mm(self, receivers: Poses) -> Array:
-        """Return the measured points in the ground frame, (n, 12); NaN where the receiver is not valid."""
+        """Return the measured points in the ground frame, (n, 12), mm; NaN if the receiver is not valid."""
         origin, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
         return (origin[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
 
 
 def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
-    """Return triads of all receivers that sit on a bone of the skeleton, and sentences on the others."""
+    """Return the triads of all receivers on bones of the skeleton, and sentences on the other receivers."""
     receivers, placed, lost = motion.receivers, [], []
     carriers = {
         motion.joints[form.index].segment: position for position, form in reversed(list(enumerate(forms)))
@@ -109,7 +110,7 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
 
 
 XML_VERSION = "40600"
-"""Version of the XML, OpenSim 4.6; later ones read it as well."""
+"""Version of the XML format, that of OpenSim 4.6, which later versions can read."""
 
 GRAVITY = (0.0, -9.80665, 0.0)
 _ROOM_DEG = 30.0
@@ -131,9 +132,10 @@ def model_xml(
     publications: str,
     held: Mapping[str, float],
 ) -> str:
-    """Return the whole file. title : the model's name, ASCII. credit, publications : text of any script.
+    """Return the text of a model file.
 
-    held : coordinates that are locked, and where, rad or mm.
+    title : the model's name, in ASCII. credit, publications : text in any script. held : values, rad or mm,
+    of the coordinates to lock.
     """
     document = ET.Element("OpenSimDocument", Version=XML_VERSION)
     model = add(
@@ -163,12 +165,12 @@ def model_xml(
 
 
 def add(parent: ET.Element, tag: str, name: str, **properties: str) -> ET.Element:
-    """Add an object of OpenSim, an element with a name, and in it one for every property."""
+    """Add an OpenSim object, which is a named element with an element for each property, and return it."""
     return fill(ET.SubElement(parent, tag, name=name), **properties)
 
 
 def fill(element: ET.Element, **properties: str) -> ET.Element:
-    """Add an element for every property to an element; return it."""
+    """Add an element for each property to `element`, and return it."""
     for key, text in properties.items():
         ET.SubElement(element, key).text = text
     return element
@@ -181,24 +183,24 @@ def as_text(document: ET.Element) -> str:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Format numbers to 12 digits, blanks between them."""
+    """Format numbers with up to 12 digits, separated by spaces."""
     return " ".join(f"{round(float(value), 12) + 0.0:.12g}" for value in values)
 
 
 def metres(lengths_mm: Array | float) -> str:
-    """Format lengths in metres."""
+    """Format lengths given in mm as metres."""
     return numbers(np.atleast_1d(lengths_mm) * _M_PER_MM)
 
 
 def clean(text: str) -> str:
-    """Return text without the control characters that XML cannot hold."""
+    """Return text with the control characters that XML does not allow replaced by question marks."""
     return "".join(c if c in "\n\t" or (c.isprintable() or c == " ") else "?" for c in text)
 
 
 def _add_body(parent: ET.Element, form: JointForm, solid: Body) -> None:
     body = ET.SubElement(parent, "Body", name=form.body)
     components = ET.SubElement(body, "components") if len(solid.spans_mm) else body
-    for number, span in enumerate(solid.spans_mm, 1):  # cylinders to the next joints; OpenSim's stand along Y
+    for number, span in enumerate(solid.spans_mm, 1):  # cylinders to the next joints; OpenSim's are along Y
         length = float(np.linalg.norm(span))
         frame = ET.SubElement(components, "PhysicalOffsetFrame", name=f"bone{number}")
         size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
@@ -254,7 +256,7 @@ def _add_coordinate(parent: ET.Element, name: str, limits: Array, start: float, 
 
 
 def _range(values: Array, step: float, room: float) -> tuple[float, float]:
-    """Return a slider's range, in whole steps: the motion's and some room."""
+    """Return the range of a coordinate's slider: the motion's range with a margin, in whole steps."""
     return (
         float(np.floor((values.min() - room) / step) * step),
         float(np.ceil((values.max() + room) / step) * step),
@@ -286,7 +288,7 @@ _TIME_DECIMALS = 9
 
 
 def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
-    """Write all coordinates over time: turns in degrees, shifts in metres; title : one line of ASCII."""
+    """Write all coordinates over time, rotations in degrees, translations in metres; title : in ASCII."""
     whose = {key: getattr(origin.recording, key) for key in ("subject", "session", "hand", "task", "trial")}
     facts = {"program": f"{PROGRAM} {VERSION}", **whose, "model": origin.model, "licence": origin.licence}
     # an equals sign would make a line a key of the header
@@ -318,10 +320,10 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
 def write_trc(
     path: Path, title: str, time_s: Array, motion: PosedRecording, receivers: Sequence[Triad]
 ) -> None:
-    """Write all markers over time in mm, blank where a receiver was not valid; title : one line of ASCII.
+    """Write all markers over time in mm, with empty cells if a receiver is not valid; title : in ASCII.
 
-    Frames without any marker are left out, as inverse kinematics stops at them. Lines end with a tab:
-    OpenSim's reader drops one empty cell at the end of a line, which may be a marker's.
+    Frames without any marker are left out, because inverse kinematics stops at them. Lines end with a tab,
+    because OpenSim's reader drops one empty cell at the end of a line, which could be a marker's.
     """
     names = [marker for triad in receivers for marker in triad.markers]
     rate = f"{motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_HZ:.9g}"
@@ -371,14 +373,14 @@ _NOTABLE_MM = 1e-3
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write `path` (.osim) and the other files with its stem; return what they do not hold.
+    """Write `path` (.osim) and the other files with its stem; return sentences on what they lack.
 
-    The motion has Y up and no gap; receivers may have some. Raises InputError where a pose is missing, there
-    is no frame, or times do not grow.
+    The motion must have Y up and no gaps, except in receivers. Raises InputError if a pose is missing, if
+    there is no frame, or if times do not increase.
     """
     require_whole(motion, path, "OpenSim")
     time_s = np.zeros(1)
-    if len(motion.frame) > 1:  # from the first frame on, to the nanosecond
+    if len(motion.frame) > 1:  # time since the first frame, to the nanosecond
         time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
         require_times(motion, time_s, path, "OpenSim")
     forms = joint_forms(motion)
@@ -398,10 +400,11 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 
 def _undetermined_coordinates(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dict[str, float]:
-    """Return coordinates that markers do not determine, and the values at which they are locked, rad or mm.
+    """Return the coordinates that markers do not determine, with the values to lock them at, rad or mm.
 
-    A joint's own translations, at zero. On a bone without a receiver, what goes beyond its degree of freedom,
-    or its axial rotation: with the finger straight that is the next joint's as well. At their means.
+    They are joints' translations, locked at zero; and, for a bone without a receiver, the rotations beyond
+    its degree of freedom, or its axial rotation, which in a straight finger cannot be distinguished from that
+    of the next joint. Rotations are locked at their means.
     """
     carriers = {triad.form for triad in receivers}
     held = {shift.name: 0.0 for form in forms if form.parent >= 0 for shift in form.shifts}
@@ -413,7 +416,7 @@ def _undetermined_coordinates(forms: Sequence[JointForm], receivers: Sequence[Tr
 
 
 def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
-    """Write the set-up of OpenSim's InverseKinematicsTool; its files are beside it."""
+    """Return the settings of OpenSim's InverseKinematicsTool for the files beside `path`."""
     document = ET.Element("OpenSimDocument", Version=XML_VERSION)
     tool = add(
         document,
@@ -435,7 +438,7 @@ def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad])
 
 
 def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[str]:
-    """Return sentences on joints that shift, that are locked, or that come near a right angle."""
+    """Return sentences on joints that translate, that are locked, or whose second angle is nearly 90 deg."""
     remarks = []
     shifted = [form for form in forms if form.parent >= 0 and form.shifts]
     if shifted:
@@ -463,7 +466,7 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
 
 
 def _of_points(motion: PosedRecording, receivers: Sequence[Triad]) -> list[str]:
-    """Return sentences on tips and receivers that the bones do not carry exactly."""
+    """Return sentences on tips and receivers that do not move exactly with their bones."""
     remarks = []
     tips = [(index, *carrier(motion, index)) for index, joint in enumerate(motion.joints) if joint.tip]
     beyond = np.zeros((len(motion.frame), len(tips), 3))

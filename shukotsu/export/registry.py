@@ -1,9 +1,9 @@
-"""Registry of the export formats, and how to write one.
+"""Registry of the export formats, with their options.
 
-The module of a format has `write(motion, path)`, which gets the motion ready (by `prepare`: gaps,
-rate, rig, world upright) and the path of its main file; files beside it have the same stem. It returns
-sentences on what the file does not hold. It raises InputError where a motion cannot be written, and writes
-files whole or not at all (`tables.whole_files`).
+The module of a format has a function `write(motion, path)`. It is passed the motion after `prepare` (gaps,
+rate, rig, upright world) and the path of its main file; its other files have the same stem. It returns
+sentences on what the files lack, raises InputError if the motion cannot be written, and writes files
+atomically (`tables.whole_files`).
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 class ExportSettings:
     """Settings from the command line.
 
-    transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `export.gaps`.
-    rig : empty for the layout's names. stiff : bones kept at their length, rotations only. fps : None as
-    recorded.
+    transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : see `export.gaps`.
+    rig : rig whose names to use, or empty for the layout's names. stiff : whether to keep bones at their
+    length. fps : rate to resample to, or None.
     """
 
     transmitter_up: str = "z"
@@ -43,25 +43,25 @@ class ExportSettings:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of an export; `settings_of` reads those that concern the motion."""
+    """Add the options of an export; `settings_of` reads those of `add_motion_options`."""
     where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
     parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
     add = parser.add_argument
     add("--hand", choices=("right", "left"), default="", help="which hand (default: each)")
     name = "the task, or TASK_TRIAL (default: all evaluated ones)"
     add("--recording", default="", metavar="NAME", help=name)
-    add("--model", "--models", default="", metavar="NAMES", help="models, joined by commas (default: all)")
-    add("--formats", required=True, metavar="NAMES", help="of those above, joined by commas")
+    add("--model", "--models", default="", metavar="NAMES", help="models, separated by commas (default: all)")
+    add("--formats", required=True, metavar="NAMES", help="formats from the list above, separated by commas")
     add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
-    add("--participants", type=Path, metavar="SHEET", help="the study's sheet of them, for bids")
+    add("--participants", type=Path, metavar="SHEET", help="the study's participants sheet, for bids")
     add_motion_options(parser)
 
 
 def add_motion_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of how a motion is prepared; `settings_of` reads them."""
+    """Add the options that state how to prepare a motion; `settings_of` reads them."""
     add = parser.add_argument
-    add("--licence", default="", help="the terms of use, to go into every file")
-    add("--fps", type=_positive, help="frames a second to resample to (default: as recorded)")
+    add("--licence", default="", help="the terms of use to state in every file")
+    add("--fps", type=_positive, help="frames per second to resample to (default: as recorded)")
     add("--frames", type=_frames, default=(None, None), metavar="A:B", help="recorded frame numbers")
     up = "axis of the transmitter that is up, such as =-z"
     add("--transmitter-up", choices=DIRECTIONS, default="z", metavar="AXIS", help=up)
@@ -79,7 +79,7 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
 
 
 def settings_of(arguments: argparse.Namespace) -> ExportSettings:
-    """Return the settings that the options of `add_motion_options` hold."""
+    """Return the settings from the options of `add_motion_options`."""
     options = vars(arguments) | {"stiff": arguments.bones == "stiff"}
     return ExportSettings(**{field.name: options[field.name] for field in fields(ExportSettings)})
 
@@ -102,11 +102,11 @@ def _frames(text: str) -> tuple[int | None, int | None]:
 
 
 def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: bool, up: str) -> PosedRecording:
-    """Prepare the motion for a format: gaps, rate, rig and upright world.
+    """Prepare the motion for a format: close gaps, resample, apply a rig and turn the world upright.
 
-    holds_gaps : whether the format has a place for a frame without a pose; then `refuse` keeps gaps (NaN).
-    up : y or z, the axis of the file that points up, empty for the transmitter's own frame. Still in mm.
-    Raises InputError as the parts do.
+    holds_gaps : whether the format can represent a frame without a pose; if so, `refuse` keeps gaps (NaN). up
+    : y or z, the axis of the file that points up, or empty for the transmitter's frame. Lengths stay in mm.
+    Raises InputError if a step is impossible or a bone has no length.
     """
     from shukotsu.export.gaps import close_gaps, resample_evenly
     from shukotsu.export.motion import stiffen, with_unmeasured_at_rest
@@ -141,10 +141,10 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
 
 
 def upright(transmitter_up: str, up: str) -> Array:
-    """Return the shortest rotation (4,) from the transmitter's upward axis to the file's.
+    """Return the smallest rotation (4,) that takes the transmitter's upward axis to the file's.
 
-    transmitter_up : the transmitter's axis that points up. up : the axis of the file that does. Half a turn
-    is about x. Nothing is mirrored: left remains left.
+    transmitter_up, up : the axes that point up in the transmitter's frame and in the file. A rotation of 180
+    deg is about x. Nothing is mirrored: a left hand stays a left hand.
     """
     import numpy as np
 
@@ -162,11 +162,26 @@ def upright(transmitter_up: str, up: str) -> Array:
 class ExportFormat:
     """An export format.
 
-    module : which writes it, by its whole name, for the workflow to know that it belongs to the stage.
-    extensions : of all its files, the main one first. up : the axis that points up in it; none: it is in the
-    transmitter's frame. holds_gaps : whether it has a place for a frame without a pose. drops : what it never
-    holds. shared : where one set of files serves all recordings, its main file's path in the output folder.
-    holds_receivers : whether receivers are in it at all.
+    Attributes
+    ----------
+    what
+        Description in one line.
+    module
+        Full name of the module that writes it.
+    extensions
+        Endings of its files, the main file's first.
+    up
+        The axis that points up in its files; empty if they are in the transmitter's frame.
+    drops
+        What its files never contain.
+    holds_gaps
+        Whether it can represent a frame without a pose.
+    shared
+        For a format with one set of files for all recordings, the path of its main file in the output folder;
+        else empty.
+    holds_receivers
+        Whether its files contain receivers.
+
     """
 
     what: str
@@ -180,7 +195,7 @@ class ExportFormat:
 
     @property
     def writers(self) -> Any:
-        """Return the module with `write`, imported only when it is needed."""
+        """The module with `write`, imported when it is first needed."""
         return import_module(self.module)
 
 
@@ -194,15 +209,15 @@ DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n
 
 
 def chosen_formats(names_list: str) -> list[str]:
-    """Return the formats of a comma-separated list; InputError where one is unknown or repeated."""
+    """Return the formats in a comma-separated list. Raises InputError if one is unknown or repeated."""
     names = [name.strip() for name in names_list.split(",") if name.strip()]
     if twice := [name for name in FORMATS if names.count(name) > 1]:
-        raise InputError(f"--formats: {twice[0]} is there twice; name each once")
+        raise InputError(f"--formats: {twice[0]} is there twice; name each format once")
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
         raise InputError(
-            f"--formats: {unknown[0] if unknown else 'nothing'!r} is no format; expected one or more of "
-            f"{', '.join(FORMATS)}, joined by commas"
+            f"--formats: {unknown[0] if unknown else 'nothing'!r} is not a format; expected one or more of "
+            f"{', '.join(FORMATS)}, separated by commas"
         )
     return names
 
@@ -210,8 +225,8 @@ def chosen_formats(names_list: str) -> list[str]:
 def write_format(motion: PosedRecording, settings: ExportSettings, name: str, path: Path) -> tuple[str, ...]:
     """Prepare a motion and write it in one of FORMATS.
 
-    Returns notes on what was done to it and what the file lacks. Raises InputError as `prepare` and the
-    format do.
+    Returns notes on what was done to it and what the file lacks. Raises InputError if the motion cannot be
+    prepared or written.
     """
     import numpy as np
 

@@ -1,8 +1,8 @@
-"""Adaptation of a hand to another rig: its names, without the bones that the rig lacks.
+"""Adaptation of a hand to another rig: joints get the rig's names, and bones that it lacks are removed.
 
-WebXR Hand Input has 25 names. VRM 1.0, Unity's HumanBodyBones and Mixamo have no metacarpals for the fingers;
-Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips, they are called after the last bone, with
-`_end`. The tips of WebXR are at the skin's surface, those of the others end the last bone.
+WebXR Hand Input has 25 names. VRM 1.0, Unity's HumanBodyBones and Mixamo have no finger metacarpals; Unreal's
+mannequin (Unreal Engine 5) has them. If a rig has no names for tips, they are named after the last bone, with
+`_end`. The tips of WebXR are on the skin; those of the other rigs are the ends of the last bones.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _THUMB = ("cmc", "mcp", "ip", "tip")
 class Rig:
     """A rig's names of a hand's joints.
 
-    root, thumb (4), finger (5) : of the root and of the joints from a digit's base to its tip; empty where
-    the rig has no such joint. In them {side} is right or left, {s} its first letter, {digit} a finger, or
-    {pinky} where the little one is called so; {Side}, {Digit}, {Pinky} in such letters. Finger metacarpals
-    that it lacks are folded into the bones after them (`fold_joints`). skin_tips : whether its tips
-    are on the skin; else they are the ends of the last bones.
+    root, thumb (4), finger (5) : names of the root and of the joints from a digit's base to its tip; empty if
+    the rig lacks the joint. Placeholders are {side}, right or left; {s}, its first letter; {digit}, a
+    finger's name; {pinky}, the same with pinky for little; and {Side}, {Digit}, {Pinky}, which are
+    capitalised. Finger metacarpals that the rig lacks are folded into the bones after them (`fold_joints`).
+    skin_tips : whether the rig's tips are on the skin; else they are the ends of the last bones.
     """
 
     description: str
@@ -41,7 +41,7 @@ class Rig:
     skin_tips: bool = False
 
     def names(self, hand: str) -> dict[str, str]:
-        """Names of a right or left hand's joints by joint, the root's by ""."""
+        """Return the rig's names for a right or left hand by joint; the root's key is an empty string."""
         patterns = {"": ("", self.root)}
         for digit in ("thumb", *FINGERS):
             parts, texts = (_THUMB, self.thumb) if digit == "thumb" else (_FINGER, self.finger)
@@ -60,15 +60,15 @@ RIGS: Mapping[str, Rig] = {name: Rig(**keys) for name, keys in export_constants(
 
 
 def on_rig(motion: PosedRecording, name: str) -> PosedRecording:
-    """Return the hand with the names of that rig (one of RIGS) and no bone that it lacks.
+    """Return the hand with the names of a rig in RIGS, without the bones that it lacks.
 
-    Raises InputError where there is no such rig, or the skeleton is not that of a hand that it names.
+    Raises InputError if there is no such rig, or if the skeleton has joints that are not a hand's.
     """
     if name not in RIGS:
         raise InputError(f"--rig: there is no rig {name!r}; expected one of {', '.join(RIGS)}")
     rig = RIGS[name]
     names = rig.names(motion.hand)
-    tips = {  # that on the skin comes after that of the bone
+    tips = {  # a digit's tip on the skin comes after the end of its bone, and so replaces it here
         joint.digit: joint.name
         for joint in motion.joints
         if joint.tip and (rig.skin_tips or not joint.name.endswith(SKIN_TIP))
@@ -83,7 +83,7 @@ def on_rig(motion: PosedRecording, name: str) -> PosedRecording:
     new |= {tip: names[f"{digit}_tip"] for digit, tip in tips.items()}
     other_tips = {j.name for j in motion.joints if j.tip} - set(tips.values())
     lacking = {j.name for j in motion.joints if j.name not in new and not j.tip}
-    # bones stay as they are without a tip, so that nothing is to be noted
+    # removing a tip changes no bone, so it needs no note
     motion = fold_joints(replace(fold_joints(motion, other_tips), notes=motion.notes), lacking)
     joints = tuple(replace(j, name=new[j.name]) for j in motion.joints)
     at = "at the ends of the last bones"
@@ -99,18 +99,18 @@ def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
 
 
 def with_webxr_names(motion: PosedRecording) -> PosedRecording:
-    """Give a hand with the layout's names those of WebXR; leave other names."""
+    """Return a hand that has the layout's names with those of WebXR; other names are left unchanged."""
     names = RIGS["webxr"].names(motion.hand)
     layouts = all(_is_named(joint, names) for joint in motion.joints[1:])
     return on_rig(motion, "webxr") if layouts else motion
 
 
 def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
-    """Remove joints; their children are attached to the removed joints' parents.
+    """Remove joints and attach their children to the removed joints' parents.
 
-    Exact: every other joint keeps its position and rotation in every frame, so that what the bone did is in
-    the motion of its children against the bone before. Of these the axis (NaN) and the degrees of freedom (0)
-    are no longer known. The root cannot be left out.
+    Every other joint keeps exactly its position and rotation in every frame, so the motion of a removed bone
+    becomes part of its children's motion. The axis (NaN) and degrees of freedom (0) of the children are then
+    unknown. The root cannot be removed.
     """
     gone = {i for i, joint in enumerate(motion.joints) if joint.name in lacking}
     if not gone:
@@ -137,9 +137,9 @@ def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecord
 
 
 def _hung(motion: PosedRecording, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:
-    """A joint's nearest remaining ancestor, and in its frame the offset, rest and neutral rotation.
+    """Return a joint's nearest remaining ancestor, and in its frame the offset, rest and neutral rotation.
 
-    A bone between them that has no neutral rotation counts as it stands at rest.
+    For a removed bone between them that has no neutral rotation, its rest rotation is used.
     """
     offset, rest = motion.rest_offset_mm[index], motion.rest[index]
     neutral, above = motion.neutral[index], motion.joints[index].parent

@@ -1,7 +1,7 @@
-"""Tidy CSV: a table of poses and one of angles, a row per frame and joint, with a description in JSON.
+"""Tidy CSV: a table of poses and one of angles, each with a row per frame and joint, and a JSON description.
 
-Empty cells are gaps. Positions are mm in the transmitter's frame, to a nanometre; quaternions (w, x, y, z),
-bone frame to transmitter frame, to 9 decimals.
+Empty cells are gaps. Positions are in mm in the transmitter's frame, rounded to a nanometre; quaternions
+(w, x, y, z), from the bone's frame to the transmitter's, are rounded to 9 decimals.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ _MEANING = {
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; return what the files do not hold.
+    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; return sentences on what they lack (none).
 
-    Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
-    joints of which no anatomy is known there are none, and without any there is no such file.
+    Angles are computed from the poses that are written; for a fitted hand they equal those of the
+    joint_angles table. Joints of unknown anatomy have no angles; if there are no others, the file of angles
+    is not written.
     """
     _write_long(
         path, motion, motion.names, NUMBERS,
@@ -60,7 +61,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 
 def bone_angles_deg(motion: PosedRecording) -> tuple[tuple[str, ...], Array]:
-    """Names of the joints of known anatomy, and their flexion, deviation and axial rotation (T, N, 3)."""
+    """Return the names of joints of known anatomy, and flexion, deviation and rotation (T, N, 3), deg."""
     turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
     rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
     indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
@@ -80,7 +81,10 @@ def _write_long(
     columns: Sequence[str],
     values: Callable[[PosedRecording], Array],
 ) -> None:
-    """Rows frame after frame, in each joint after joint; values : gives (n, N, columns) of n frames."""
+    """Write a row for each frame and joint, frame by frame.
+
+    values : function that returns the (n, N, columns) values of a block of n frames.
+    """
     with replacing(path) as temporary, temporary.open("wb") as stream:
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())

@@ -1,3 +1,1 @@
-"""Compare the movement of a study's subjects: differences, curves, repeatability, and under which
-models.
-"""
+"""Movement of the subjects: ranges, speeds, cycles, events and strokes; differences and repeatability."""

@@ -1,4 +1,4 @@
-"""Joint angles over the cycle: mean and spread over a recording's cycles, at every percent of them."""
+"""Joint angles over the cycle: mean and standard deviation over a recording's cycles, at every percent."""
 
 from __future__ import annotations
 
@@ -18,36 +18,37 @@ if TYPE_CHECKING:
 PERCENT = np.arange(101)
 
 MOST_EVENTS = 4
-"""Names of events whose cycles a recording has curves of: those with the most cycles. Every pitch of a piece
-is a name.
+"""Largest number of event names per recording for which curves are computed: those with the most cycles.
+
+In recordings of music every pitch is an event name.
 """
 
 
 def averaged_cycles(cycles: Sequence[Sequence[Cycle]]) -> list[list[Cycle]]:
-    """Return the cycles that curves are averaged over, by event; none of an event without one that is used.
+    """Return the cycles that curves are averaged over: one list for each event name that has usable cycles.
 
-    cycles : a recording's by event.
+    cycles : the cycles of a recording, one list per event name.
     """
     used = [[cycle for cycle in of_event if not cycle.refusal] for of_event in cycles]
     return sorted(filter(None, used), key=len, reverse=True)[:MOST_EVENTS]
 
 
 def over_cycles(time_s: Array, values: Array, cycles: Sequence[Cycle], grid: Grid) -> Array:
-    """Read a series at every percent of each cycle, by straight lines between neighbouring frames.
+    """Sample a series at every percent of each cycle, by linear interpolation between neighbouring frames.
 
     Parameters
     ----------
     time_s, values : array, shape (T,)
         Device times of the frames, NaN where unknown, and the series, NaN in gaps.
     cycles : sequence of Cycle, length C
-        Within the recording.
+        Cycles, which must be within the recording.
     grid : Grid
-        Of the frames: a frame that it lacks is a gap.
+        Even grid of the frames; grid points without a frame are gaps.
 
     Returns
     -------
     array, shape (C, 101)
-        In the unit of the series; NaN where a frame on either side is a gap, however short.
+        Values in the unit of the series; NaN if the frame before or after is a gap, however short.
 
     """
     timed = np.isfinite(time_s)
@@ -62,7 +63,7 @@ def over_cycles(time_s: Array, values: Array, cycles: Sequence[Cycle], grid: Gri
 def curve_rows(
     series: AngleSeries, time_s: Array, cycles: Sequence[Sequence[Cycle]], grid: Grid
 ) -> Iterator[CycleCurvesRow]:
-    """Rows of cycle_curves of an angle; none where no cycle has it. cycles : as `averaged_cycles`."""
+    """Yield the rows of cycle_curves of an angle, if any cycle has it; cycles : from `averaged_cycles`."""
     for of_event in cycles:
         courses = over_cycles(time_s, series.angle_deg, of_event, grid)
         measured = ~np.isnan(courses)

@@ -1,4 +1,4 @@
-"""Events of files: notes of MIDI by mido, markers of XDF streams, and what a raw capture of a tracker saw."""
+"""Readers of events: notes in MIDI files, markers in XDF files, sync pulses and buttons in raw captures."""
 
 from __future__ import annotations
 
@@ -19,16 +19,30 @@ from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.survey import UNUSABLE, flagged_records, survey_archive
 
 FARTHEST_S = 1e11
-"""Three thousand years: a time beyond it is a damaged one."""
+"""About three thousand years; a time beyond it must be damaged."""
 
 
 @dataclass(frozen=True)
 class Events:
-    """N events in the order of their file. time_s, duration_s, value : (N,), NaN where nothing says so.
+    """N events in the order of their file.
 
-    own_clock : whether times are of the device's clock, not of the recording's time_s. sd_s : (N,) 1-sigma
-    error of a time on that clock, 0 where it is not known. channel : (N,) of MIDI, from 1; 0 elsewhere.
-    notes : what a reader of the table should know of the file, a sentence each.
+    Attributes
+    ----------
+    source
+        Kind of the file: midi, xdf, tracker or sheet.
+    own_clock
+        Whether times are those of the device's clock instead of the recording's `time_s`.
+    names
+        Names of the events, N of them.
+    time_s, duration_s, value
+        Arrays of shape (N,), NaN if unknown.
+    sd_s
+        Array of shape (N,), 1-sigma errors of times on that clock, s; 0 if unknown.
+    channel
+        Array of shape (N,), MIDI channels from 1; 0 for other sources.
+    notes
+        Sentences about the file for readers of the table.
+
     """
 
     source: str
@@ -43,7 +57,7 @@ class Events:
 
     @classmethod
     def of(cls, source: str, own_clock: bool, rows: Iterable[Sequence[Any]], *notes: str) -> Events:
-        """Put events together from rows of name, time_s, duration_s, value[, sd_s[, channel]]."""
+        """Build events from rows of (name, time_s, duration_s, value[, sd_s[, channel]])."""
         whole = [(*row, *(0.0, 0)[len(row) - 4 :]) for row in rows]
         time_s, duration_s, value, sd_s, channel = (
             np.array([row[column] for row in whole], float) for column in range(1, 6)
@@ -52,7 +66,7 @@ class Events:
         return cls(source, own_clock, names, time_s, duration_s, value, sd_s, channel.astype(np.int64), notes)
 
     def named(self, name: str) -> Bools:
-        """Whether an event has that name, shape (N,)."""
+        """Return which events have this name, shape (N,)."""
         return np.array([each == name for each in self.names], bool)
 
 
@@ -60,11 +74,11 @@ EXPECTED = "a standard MIDI file (.mid)"
 
 
 def read_midi(path: Path) -> Events:
-    """Read the notes: named `note 60`, value the velocity (1 to 127), channel 1 to 16.
+    """Read the notes of a MIDI file: name `note 60`, value the velocity (1 to 127), channel 1 to 16.
 
-    A note lasts to its note off; a key that is struck again before ends in the order in which it began. All
-    tracks share the file's tempo changes. Raises InputError where the file is none of that kind, is of format
-    2, counts time code or is damaged.
+    A note lasts until its note off. If a key is struck again before that, the first note off ends the first
+    note. All tracks share the file's tempo changes. Raises InputError if the file is not a MIDI file, has
+    format 2 or time code, or is damaged.
     """
     import mido
 
@@ -74,7 +88,7 @@ def read_midi(path: Path) -> Events:
             file = mido.MidiFile(path)
         except MemoryError:
             raise
-        except Exception as error:  # mido raises whatever its code runs into
+        except Exception as error:  # mido raises exceptions of many types
             why = str(error) or "it is cut off"
             raise InputError(f"{path}: cannot be read as {EXPECTED}: {why}; save or copy it again") from error
     if file.type not in (0, 1) or file.ticks_per_beat <= 0:
@@ -99,7 +113,7 @@ def read_midi(path: Path) -> Events:
     n_open = sum(map(len, sounding.values()))
     remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] if n_open else []
     if n_others:
-        remarks.append(f"{n_others} messages that are no notes are left out")
+        remarks.append(f"{n_others} messages other than notes are left out")
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
 
 
@@ -107,11 +121,11 @@ _WHOLE = tuple(name for name in NUMBERS if name.startswith("int"))
 
 
 def read_markers(path: Path) -> Events:
-    """Read the markers of every stream of them: streams of texts, and of whole numbers at no fixed rate.
+    """Read the markers in an XDF file: all streams of text, and of integers without a fixed rate.
 
-    A text is the event's name; a number is its value, and its name that of the stream. Times are corrected
-    by each stream's clock offsets, so that all streams of the file share one clock; how well is in sd_s.
-    Raises InputError where the file has no such stream, or is damaged.
+    A text is the event's name; a number is the event's value, and the stream's name is the event's name.
+    Times are corrected by each stream's clock offsets, so that all streams of the file share one clock; sd_s
+    is the scatter of the offsets. Raises InputError if the file has no such stream or is damaged.
     """
     streams = read_streams(path)
     markers = [s for s in streams if s.format == TEXT or (s.format in _WHOLE and not s.rate_hz)]
@@ -139,13 +153,13 @@ def read_markers(path: Path) -> Events:
             else:
                 name = "; ".join(filter(None, map(str, sample)))
             rows.append((name or "marker", time, np.nan, value, sd_s))
-    if len(markers) > 1:  # else a step back shows that the stream's clock was set
+    if len(markers) > 1:  # the order within a single stream shows whether its clock was set back
         rows.sort(key=lambda row: row[1])
     return Events.of("xdf", True, rows, *notes)
 
 
 def _scatter_s(offsets: Array) -> float:
-    """Return the scatter (rms) of clock offsets (N, 2) about a straight line; 0 where there are too few."""
+    """Return the scatter (rms, s) of clock offsets (N, 2) about a straight line; 0 if there are too few."""
     time_s, offset_s = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)].T
     if len(time_s) < 3 or not np.ptp(time_s) > 0:
         return 0.0
@@ -154,12 +168,12 @@ def _scatter_s(offsets: Array) -> float:
 
 
 def read_tracker_events(path: Path) -> Events:
-    """Read when the sync input was on and when each stylus button was down, on the recording's clock.
+    """Read from a raw capture when the sync input was on and when each stylus button was down.
 
-    path : a raw capture. A flag that rises between two frames rose in the middle, to the interval over
-    sqrt(12) (1-sigma). sync is the tracker's, the same of every station; button has the station as value. One
-    that is on in the first frame began before, and is left out. Raises InputError where the file is none, or
-    its tracker sends neither flag.
+    Events are named sync or button; a button's value is its station. Times are on the recording's clock: a
+    flag that rises between two frames is assumed to rise in the middle, with a 1-sigma error of the interval
+    over sqrt(12). A flag that is on in the first frame is left out, since it rose earlier. Raises InputError
+    if the file is not a raw capture, or if its tracker sends neither flag.
     """
     archive = open_archive(path)
     parts = [np.empty((4, 0))]
@@ -181,7 +195,7 @@ def read_tracker_events(path: Path) -> Events:
 def _pulses(
     time_s: Array, flag: Array, of_station: Bools, name: str, value: float
 ) -> Iterator[tuple[str, float, float, float, float]]:
-    """Rows of events, of a flag (N,) that is negative where none was sent."""
+    """Yield the rows of events of a flag (N,), which is negative if it was not sent."""
     sent = np.flatnonzero(of_station & (flag >= 0))
     at, step = time_s[sent], np.diff((flag[sent] > 0).astype(int))
     change = np.flatnonzero(step)

@@ -1,4 +1,4 @@
-"""Events of a hand's recordings: those that cut cycles of a movement, and those that a fingertip made."""
+"""Events of a hand's recordings: those that delimit cycles of a movement, and those made by a fingertip."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from shukotsu.tables.poses import pose_blocks
 from shukotsu.tables.typed_table import read_table, rows_of
 
 SHORTEST, LONGEST = 0.5, 2.0
-"""Shares of the median duration of an event's cycles; a shorter or longer one is another movement."""
+"""Shortest and longest cycle, as shares of the median duration; others are taken for another movement."""
 
 MOST_ONSET_SD = 0.05
-"""1-sigma of an onset, of the cycle's duration, above which it is not used: a sine-like course read so far
-off is 16 % of its range out where it is steepest."""
+"""Largest usable 1-sigma error of an onset as a share of the cycle's duration. With such an error, the values
+of a sine-like course are off by up to 16 % of its range."""
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """A cycle of the events of one name; refusal : why it is not used, or empty."""
+    """A cycle that starts at an event; refusal : why it is not used, or empty."""
 
     event: str
     number: int
@@ -41,11 +41,20 @@ class Cycle:
 def cut_cycles(
     event: str, onset_s: Sequence[float], duration_s: Sequence[float], sd_s: Sequence[float] | None = None
 ) -> list[Cycle]:
-    """Cycles of the events of one name, whose own duration counts where it has one (else NaN).
+    """Return the cycles of the events of one name, in order of time.
 
-    A cycle without one lasts to the next onset; the last is none. Refused are those that are much shorter or
-    longer than the median, and those whose ends are not known well enough. sd_s : 1-sigma of the onsets, NaN
-    where nothing says it, infinite of a clock that is weak.
+    A cycle lasts as long as its event, or, if its event has no duration (NaN), until the next onset; the last
+    event without a duration has no cycle. Cycles that are much shorter or longer than the median, or whose
+    ends are too uncertain, get a refusal.
+
+    Parameters
+    ----------
+    event : str
+        Name of the events.
+    onset_s, duration_s, sd_s : sequence of float, length N
+        Onsets, durations and 1-sigma errors of the onsets, s. An error is NaN if unknown and infinite if the
+        events' clock is weak.
+
     """
     order = np.argsort(np.asarray(onset_s, float), kind="stable")
     onset, stated = np.asarray(onset_s, float)[order], np.asarray(duration_s, float)[order]
@@ -75,7 +84,7 @@ def cut_cycles(
 
 
 def within_recording(cycles: Sequence[Cycle], time_s: Array) -> list[Cycle]:
-    """The cycles, those refused that are not wholly within the recording's times (T,)."""
+    """Return the cycles, with a refusal for those not entirely within the recording's times (T,), s."""
     first, last = time_s[0], time_s[-1]
     return [
         replace(cycle, refusal="not wholly within the recording")
@@ -86,7 +95,7 @@ def within_recording(cycles: Sequence[Cycle], time_s: Array) -> list[Cycle]:
 
 
 MOST_ONSET_SD_MS = 10.0
-"""Events that are known less well tell no stroke from the next."""
+"""Largest usable 1-sigma error of an event's onset; less certain ones cannot be assigned to a stroke."""
 
 _PITCH = re.compile(r"\bnote \d{1,3}\b")
 _SAME_CLOCK = "same clock"
@@ -94,7 +103,7 @@ _SAME_CLOCK = "same clock"
 
 @dataclass(frozen=True)
 class TimedEvent:
-    """A row of the events table that has a time. doubt : why its clock is not sure; empty where it is."""
+    """A row of the events table that has a time; doubt : why its clock is uncertain, or empty."""
 
     row: Mapping[str, Any]
     doubt: str
@@ -102,8 +111,8 @@ class TimedEvent:
 
 @dataclass(frozen=True)
 class StruckEvent:
-    """An event that a fingertip made. row : of the events table. digit : as it names it, empty where it names
-    none. refusal : why it cannot be used; empty where it can.
+    """An event that a fingertip made. row : its row of the events table. digit : the digit in its name, or
+    empty. refusal : why it cannot be used, or empty.
     """
 
     row: Mapping[str, Any]
@@ -114,9 +123,9 @@ class StruckEvent:
 def events_of(
     plan: SubjectPlan, hand: str, events: Path | None, clocks: Path | None
 ) -> dict[Recording, list[TimedEvent]]:
-    """Return the events of a hand's evaluated recordings that have a time.
+    """Return the events that have a time, for each recording in which the hand's movement is measured.
 
-    events, clocks : the subject's tables; without clocks every event's is trusted.
+    events, clocks : the subject's tables; without a table of clocks, all clocks are trusted.
     """
 
     def place(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -137,7 +146,7 @@ def events_of(
 
 
 def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEvent]) -> list[list[Cycle]]:
-    """Cycles of a recording, by its events' names in turn; none without events or times."""
+    """Return the cycles of a recording, one list per event name; empty without events or frame times."""
     by_name: dict[str, list[tuple[float, float, float]]] = {}
     for event in events:
         duration_s, sd_ms = (
@@ -151,7 +160,7 @@ def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEve
         blocks = pose_blocks(plan.poses(recording), plan.layouts[recording.hand.hand].measured)
         time_s = np.concatenate([poses.time_s for poses in blocks])
     except InputError:
-        return []  # its import failed: the recordings table says why
+        return []  # its import failed; the reason is in the recordings table
     if grid_of(time_s) is None:
         return []
     finite = time_s[np.isfinite(time_s)]
@@ -162,7 +171,7 @@ def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEve
 def struck_events(
     recording: Recording, events: Sequence[TimedEvent], digits: Sequence[str]
 ) -> list[StruckEvent]:
-    """Events that name a pitch or a digit, but those that bring clocks together, in order of time."""
+    """Return the events that name a pitch or a digit, in order of time, without those that align clocks."""
     pulses = {part.strip() for part in recording.pulses.split("=")} - {"", _SAME_CLOCK}
     struck = []
     for row, doubt in ((event.row, event.doubt) for event in events):

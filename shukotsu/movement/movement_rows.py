@@ -1,12 +1,13 @@
-"""Rows of the tables of movement, of one recording under one model: all but the keys of both.
+"""Rows of the tables of movement of one recording under one model, without the keys of both.
 
-How far an angle moves has an error of three parts. What is common to all frames moves the median, and leaves
-the range as it is. What the fit leaves open of the hand and its skin grows with the distance from the mean
-posture, mostly in proportion: at the two ends it has opposite signs, and adds up. What is of the frame alone
-is independent at both ends; being of either sign in every frame, it also widens a range, as any noise does.
+The error of an angle has three parts. An error common to all frames shifts the median and does not change the
+range. The uncertainty of the fitted hand and its skin grows roughly in proportion to the distance from the
+mean posture, so its errors at the two ends have opposite signs and add up in the range. The error of a single
+frame is independent at the two ends; like any noise, it also widens the range.
 
-Of a hand that puts the receivers on anew, and moves as before, only a part is another: the hand's that goes
-with the receivers, and the frame's, which is another in every visit to an end.
+Between sessions, in which the receivers are put on again and the hand moves as before, only a part of the
+error differs: the part of the hand's uncertainty that depends on how the receivers sit, and the error of
+single frames, which differs with every visit to an end of the range.
 """
 
 from __future__ import annotations
@@ -50,15 +51,15 @@ _ENDS_PERCENT = 5.0
 """Share of the frames at either end, %, over which an end's error is averaged."""
 
 _WIDTH_OF_NORMAL = 3.92
-"""From the 2.5th to the 97.5th percentile of a normal distribution, in its standard deviations."""
+"""Distance between the 2.5th and 97.5th percentiles of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class AngleErrors:
-    """1-sigma errors of an angle in every frame, (T,) degrees each, NaN where the model states none.
+    """1-sigma errors of an angle in every frame, shape (T,), degrees; NaN if the model states none.
 
-    change_sd_deg : of its change from the mean posture. session_sd_deg, session_change_sd_deg : the hand's
-    part of both that differs when the receivers are put on anew.
+    sd_deg : error of the angle. change_sd_deg : error of its change from the mean posture. session_sd_deg,
+    session_change_sd_deg : the parts of both due to the hand that differ when receivers are put on again.
     """
 
     sd_deg: Array
@@ -68,7 +69,7 @@ class AngleErrors:
 
 
 RANGE_PERCENT = (LOW_PERCENT, 50.0, HIGH_PERCENT, _ENDS_PERCENT, 100.0 - _ENDS_PERCENT)
-"""Percentiles of an angle that its range is told by."""
+"""Percentiles of an angle from which its range is computed."""
 
 
 def angle_range(angle_deg: Array, errors: AngleErrors | None, percentiles_deg: Array) -> RangesOfMotionRow:
@@ -77,11 +78,11 @@ def angle_range(angle_deg: Array, errors: AngleErrors | None, percentiles_deg: A
     Parameters
     ----------
     angle_deg : array, shape (T,)
-        Without gaps, one frame at least.
+        The angle, without gaps; at least one frame.
     errors : AngleErrors or None
-        None where the model states none.
+        Its errors; None if the model states none.
     percentiles_deg : array, shape (5,)
-        Of the angle, at `RANGE_PERCENT`.
+        Its percentiles at `RANGE_PERCENT`.
 
     """
     low, middle, high, below, above = percentiles_deg
@@ -112,27 +113,31 @@ def angle_range(angle_deg: Array, errors: AngleErrors | None, percentiles_deg: A
 
 
 def _at_ends(sd_deg: Array, ends: _Ends) -> float:
-    """Root mean square over the frames (T,) at either end, added up."""
+    """Return the sum, over both ends, of the root mean square of sd_deg (T,) over the frames at that end."""
     return float(sum(np.sqrt((sd_deg[at_end] ** 2).mean()) for at_end in ends))
 
 
 def _visits(at_end: Bools, beyond: Bools) -> int:
-    """Count how often the angle comes to one end from beyond its median; both (T,)."""
+    """Count how often the angle reaches one end after it was beyond the median.
+
+    at_end, beyond : (T,), whether the angle is at this end, and whether it is on the median's other side.
+    """
     either = at_end | beyond
-    there = at_end[either]
-    return int(there[0]) + int((there[1:] & ~there[:-1]).sum())
+    is_at_end = at_end[either]
+    return int(is_at_end[0]) + int((is_at_end[1:] & ~is_at_end[:-1]).sum())
 
 
 LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0
-"""Share of a recording's frames, below which a number is weak, and from which it is as of the whole."""
+"""Valid frames, % of a recording: with fewer than the first a number is weak; with fewer than the second its
+message states the percentage."""
 
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
 def range_rows(angles: Sequence[AngleSeries], grid: Grid | None) -> Iterator[RangesOfMotionRow]:
-    """Rows of ranges_of_motion of the angles of a recording, or of some of its joints.
+    """Yield the rows of ranges_of_motion of some or all angles of a recording.
 
-    An angle that a joint lacks beside another that it has is none.
+    An angle without any value has a row only if it is flexion, so that each joint has one.
     """
     angles_deg = np.stack([series.angle_deg for series in angles])
     percentiles_deg = percentiles(angles_deg, RANGE_PERCENT)
@@ -158,7 +163,7 @@ def range_rows(angles: Sequence[AngleSeries], grid: Grid | None) -> Iterator[Ran
 
 
 def left_out_rows(reasons: Mapping[str, str]) -> Iterator[RangesOfMotionRow]:
-    """Rows of ranges_of_motion of joints that a model cannot pose. reasons : why, by joint."""
+    """Yield the rows of ranges_of_motion of joints that a model cannot pose; reasons : why, by joint."""
     for joint, reason in reasons.items():
         yield {"joint": joint, "angle": "flexion", "n_frames": 0, "status": "failed", "message": reason}
 
@@ -166,7 +171,7 @@ def left_out_rows(reasons: Mapping[str, str]) -> Iterator[RangesOfMotionRow]:
 def path_rows(
     tips: Mapping[str, FingertipPath], grid: Grid | None, pathless: Mapping[str, str] | None = None
 ) -> Iterator[FingertipPathsRow]:
-    """Rows of fingertip_paths; pathless : digits without a tip, and why."""
+    """Yield the rows of fingertip_paths; tips : by digit. pathless : reasons why digits have no tip."""
     for digit, reason in (pathless or {}).items():
         message = reason or "no frame has this fingertip"
         yield {"digit": digit, "n_frames": 0, "status": "failed", "message": message}
@@ -180,7 +185,7 @@ def path_rows(
         if grid is not None:
             way, turn = _speeds(np.stack([tip.place_mm[..., 0], tip.pointing[..., 0]], 1), grid).T
             path_sd_mm = float("nan")
-            if tip.skin:  # a tip that is off goes so much farther, or less far, as it turns
+            if tip.skin:  # when the tip turns, an error of its position lengthens or shortens its path
                 turned_rad = float(np.nansum(turn) * grid.step_s)
                 path_sd_mm = float(np.nanmedian(tip.sd_mm[:, 0, 0]) / np.sqrt(3.0) * turned_rad)
             moving = ~np.isnan(way)
@@ -196,12 +201,12 @@ def path_rows(
 
 
 def _coverage(finite: Bools) -> tuple[int, float | None]:
-    """Count the known frames (T,), and their percentage of the recording, None without frames."""
+    """Return the number of finite frames (T,), and their percentage, None if there are no frames."""
     return int(finite.sum()), 100.0 * float(finite.mean()) if len(finite) else None
 
 
 def _judge(valid_percent: float, status: str, message: str, grid: Grid | None) -> tuple[str, str]:
-    """Status and message of a row that has numbers."""
+    """Return the status and message of a row with numbers."""
     reasons = [message] if message else []
     if valid_percent < MOST_VALID_PERCENT:
         reasons = [f"known in {valid_percent:.0f} % of the frames", *reasons]
@@ -213,27 +218,27 @@ def _judge(valid_percent: float, status: str, message: str, grid: Grid | None) -
 
 
 def _median_and_p95(speeds: Array) -> Array:
-    """Median and 95th percentile (2, C) of speeds (n, C); NaN where all are."""
+    """Return the median and 95th percentile (2, C) of speeds (n, C); NaN for a column of NaN."""
     return percentiles(speeds.T, [50.0, 95.0])
 
 
 def _speeds(series: Array, grid: Grid) -> Array:
-    """Speeds (n, C) of series (T, C, D)."""
+    """Return the speeds (n, C) of series (T, C, D) on the grid of n points, with short gaps bridged."""
     columns = bridge_gaps(grid.spread(series.reshape(len(series), -1)), grid.step_s)
     return speed(columns.reshape(len(columns), *series.shape[1:]), grid.step_s)
 
 
 _TOGETHER = 1 << 19
-"""Frames of angles that are measured in one pass: 4 MB an array."""
+"""Number of angle values that are processed at once; an array of them takes 4 MB."""
 
 CYCLES = "movement_cycles"
-"""The table whose rows are of a hand, not of a model."""
+"""The table whose rows belong to a hand and not to a model."""
 
 
 def measure_hand(
     arguments: Namespace, plan: SubjectPlan, hand: str, tables: Mapping[str, PartsWriter]
 ) -> None:
-    """Write the rows of one hand, of each part those that can be had."""
+    """Write the rows of one hand to the tables; a part that fails gets the reason instead."""
     by_model = [table for name, table in tables.items() if name != CYCLES]
     events: Mapping[Recording, Sequence[TimedEvent]] = {}
     cycles: Mapping[Recording, Sequence[Sequence[Cycle]]] = {}
@@ -249,7 +254,7 @@ def measure_hand(
             for cycle in of_event
         ]
         tables[CYCLES].rows(plan.part(hand), rows)
-    # else the recordings table says why
+    # for the others the recordings table states the reason
     usable = [recording for recording in plan.posed(hand) if usable_poses([plan.poses(recording)])[0]]
     with opened_once() as opened:
         for part in (part for part in plan.whole_parts if part.hand == hand):
@@ -269,7 +274,7 @@ def _measure_recording(
     cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
 ) -> None:
-    """Write the rows of one recording."""
+    """Write the rows of one recording under one model."""
     recording, part = reader.recording, reader.part
 
     def write(name: str, rows: Iterable[Mapping[str, Any]]) -> None:
@@ -281,7 +286,7 @@ def _measure_recording(
     movement = read_movement(reader)
     grid = grid_of(movement.time_s)
     if not reader.is_fitted and part.model != leading_model(plan.models, plan.layouts.values()):
-        cycles = ()  # no page shows their curves
+        cycles = ()  # the report does not show their curves
     ranges: list[RangesOfMotionRow] = []
     curves: list[CycleCurvesRow] = []
     angles, at_once = movement.joints(), max(1, _TOGETHER // max(1, len(movement.frame)))

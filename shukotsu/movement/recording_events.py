@@ -1,4 +1,4 @@
-"""Events of one recording, wherever they come from, on the recording's clock."""
+"""Alignment of a recording's events, from files and from the study's sheet, with the recording's clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from shukotsu import command_line
 from shukotsu.arrays import Array, Integers
-from shukotsu.errors import InputError, guess, list_names, reading_what_was_brought
+from shukotsu.errors import InputError, guess, list_names, reading_user_tables
 from shukotsu.movement.event_files import FARTHEST_S, Events, read_markers, read_midi, read_tracker_events
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.catalogue import POSES
@@ -30,13 +30,13 @@ READERS = {
     (".xdf", ".xdfz", ".xdf.gz"): read_markers,
     (".arrows",): read_tracker_events,
 }
-"""Endings of files of events, and what reads them."""
+"""Readers of files of events by the files' endings."""
 
 SAME_CLOCK = "same clock"
-"""What stands for the name of the pulses where a file's times are the recording's own."""
+"""Value of `pulses` which states that a file's times are on the recording's clock."""
 
 MOST_PULSES = 200_000
-"""What an hour has at 55 Hz, far more than can be told apart."""
+"""Number of pulses in an hour at 55 Hz, far more than can be matched."""
 
 _TRACKER_ENDING = ".arrows"
 
@@ -45,12 +45,24 @@ _NO_CLOCK: ClocksRow = {"status": "failed", "n_pulses": 0, "n_missing": 0, "n_ex
 
 @dataclass(frozen=True)
 class RecordingEvents:
-    """What there is of a recording's events.
+    """The sources of a recording's events.
 
-    poses : its poses table. recording : its own file, None where not known. file : its file of events, None
-    where it has none. pulses : which events of the file both clocks have, `NAME` or `NAME = NAME OF THE
-    RECORDING`, or SAME_CLOCK; empty where nothing says. rows : its rows of the study's sheet. key : its name
-    in tables.
+    Attributes
+    ----------
+    poses
+        The recording's poses table.
+    recording
+        The recording's original file, or None if unknown.
+    file
+        The file of events, or None.
+    pulses
+        The events that both clocks recorded, as `NAME` or `NAME = NAME IN THE RECORDING`, or SAME_CLOCK;
+        empty if not stated.
+    rows
+        The recording's rows of the study's sheet of events.
+    key
+        The recording's key in tables.
+
     """
 
     poses: Path
@@ -61,9 +73,9 @@ class RecordingEvents:
     key: Mapping[str, str] = field(default_factory=dict)
 
     def aligned(self) -> tuple[list[EventsRow], list[ClocksRow]]:
-        """Return the rows of events, in order of time, and of clocks, both without what names the recording.
+        """Return the rows of events, in order of time, and of clocks, both without the recording's key.
 
-        Raises InputError where the file cannot be read or nothing says how its clock is to be brought over.
+        Raises InputError if the file cannot be read or if it is not stated how to align its clock.
         """
         numbers = ("onset_s", "duration_s", "value")
         sheet_rows = (
@@ -76,7 +88,7 @@ class RecordingEvents:
         if self.file is not None:
             events = read_events(self.file)
             on_its_own = events.own_clock and self.pulses != SAME_CLOCK
-            if on_its_own:  # all streams of a file that the poses were imported from share one clock
+            if on_its_own:  # not if the poses come from the same file: its streams share one clock
                 inputs = read_metadata(self.poses)["inputs"]
                 on_its_own = file_sha256(self.file) not in [entry["sha256"] for entry in inputs]
             if on_its_own:
@@ -102,10 +114,10 @@ class RecordingEvents:
         return [{**row, "event": number} for number, row in enumerate(rows)], clocks
 
     def _fitted(self, events: Events, sheet: Events) -> tuple[Array, Array, ClocksRow]:
-        """Times of the events on the recording's clock, their 1-sigma errors, and the row of that clock."""
+        """Return the events' times on the recording's clock with 1-sigma errors, s, and the row of clocks."""
         if not self.pulses:
             raise InputError(
-                f"{self.file}: runs on a clock of its own; say which of its events the recording has as well "
+                f"{self.file}: has its own clock; state which of its events the recording has as well "
                 f"(pulses, e.g. {events.names[0] if events.names else 'note 24'!r}), or {SAME_CLOCK!r}"
             )
         name, _, other = (part.strip() for part in self.pulses.partition("="))
@@ -133,8 +145,8 @@ class RecordingEvents:
         }
 
     def _with_notes(self, clock: ClocksRow, events: Events, time_s: Array) -> ClocksRow:
-        """The row with the reader's notes; weak where every event lies outside the recording."""
-        with open_table(self.poses, POSES) as file:  # the table's footer has the ends
+        """Return the row of clocks with the reader's notes, weak if no event is within the recording."""
+        with open_table(self.poses, POSES) as file:  # first and last times are in the table's footer
             of_groups = (file.ends(group, "time_s", with_nulls=True) for group in range(len(file.group_rows)))
             ends = [end for end in of_groups if end is not None]
         if len(time_s) and ends:
@@ -148,7 +160,7 @@ class RecordingEvents:
         return {**clock, "message": "; ".join(filter(None, (clock["message"], *events.notes)))}
 
     def _reference_s(self, sheet: Events, name: str, other: str) -> Array:
-        """Times of the pulses on the recording's clock: of the sheet's events, else of the tracker's own."""
+        """Return the pulses' times on the recording's clock, s, from the sheet or else the raw capture."""
         if sheet.named(other or name).any():
             return sheet.time_s[sheet.named(other or name)]
         if self.recording is None or not self.recording.name.endswith(_TRACKER_ENDING):
@@ -166,10 +178,10 @@ class RecordingEvents:
 
 
 def read_events(path: Path) -> Events:
-    """Read a file of events by its ending; InputError where no reader knows it."""
+    """Read a file of events. Raises InputError if its ending is unknown or it cannot be read."""
     for endings, reader in READERS.items():
         if path.name.lower().endswith(endings):
-            with reading_what_was_brought():
+            with reading_user_tables():
                 events = reader(path)
             bad = np.flatnonzero(~(np.abs(events.time_s) < FARTHEST_S))
             if len(bad):
@@ -177,11 +189,11 @@ def read_events(path: Path) -> Events:
                 raise InputError(f"{path}: event {bad[0] + 1}: its time is {time_s:g} s; copy the file again")
             return events
     expected = [ending for endings in READERS for ending in endings]
-    raise InputError(f"{path}: is no file of events; {guess(path.suffix, expected)}")
+    raise InputError(f"{path}: is not a file of events; {guess(path.suffix, expected)}")
 
 
 def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[EventsRow]:
-    """Rows of events; an sd of 0 is not known."""
+    """Return rows of the events table without their number; an error sd_s of 0 is unknown."""
     return [
         {
             "name": name,
@@ -199,7 +211,7 @@ def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[EventsRow]:
 
 
 def of_plan(plan: SubjectPlan) -> dict[Part, list[RecordingEvents]]:
-    """Return the recordings of a plan that hold poses, and their events, by the hand's part."""
+    """Return, for each hand's part, the sources of events of the plan's recordings that have poses."""
     by_part: dict[Part, list[RecordingEvents]] = {plan.part(hand): [] for hand in plan.hands}
     for recording in plan.recordings:
         if recording.exclude or not usable_poses([plan.poses(recording)])[0]:
@@ -216,7 +228,7 @@ def of_plan(plan: SubjectPlan) -> dict[Part, list[RecordingEvents]]:
 def recording_alone(
     poses: Path, recording: Path | None, events: Path, pulses: str
 ) -> dict[Part, list[RecordingEvents]]:
-    """Return a recording that a command line names, and its events, by the hand's part."""
+    """Return the same as `of_plan` for a single recording that a command line names."""
     name = recording_name(poses)
     key = {**vars(name.of_hand), "task": name.task, "trial": name.trial}
     part = Part(name.hand, subject=name.subject, session=name.session)
@@ -226,7 +238,10 @@ def recording_alone(
 def aligned_rows(
     arguments: Namespace, recording: RecordingEvents
 ) -> tuple[list[Mapping[str, object]], list[Mapping[str, object]]]:
-    """Return a recording's rows of events and clocks; with --record-failure why there are none."""
+    """Return a recording's rows of events and clocks.
+
+    With --record-failure, an error becomes a row of clocks with the reason.
+    """
     event_rows: list[EventsRow] = []
     clock_rows: list[ClocksRow] = []
     key = recording.key
@@ -242,25 +257,26 @@ def aligned_rows(
 
 
 TOLERANCE_S, SHORTEST_TOLERANCE_S = 0.05, 0.001
-"""How far two pulses that are the same may lie from the line: a quarter of their usual interval where that is
-less."""
+"""Largest and smallest limit on the distance of matching pulses from the line; between them, it is a quarter
+of their usual interval."""
 
 USUAL_JITTER_S = 0.01
-"""1-sigma error of a pulse's time before any is known."""
+"""1-sigma error assumed for a pulse's time before it can be estimated."""
 
 RATE_SD = 250e-6
-"""1-sigma of how far the rates of two clocks differ before anything is known."""
+"""1-sigma prior on the relative difference between the rates of two clocks."""
 
 WINDOW_PULSES, WINDOW_S, WINDOWS = 32, 60.0, 5
-"""Pulses that are laid over the other clock's, at most; how long they may last, so that no rate of a clock
-takes them off; and how many such windows are tried."""
+"""Largest number of pulses in a window that is matched to the other clock; longest duration of a window,
+short enough for any difference in rate to be negligible; and number of windows tried."""
 
 CHANCE = 0.01
-"""Windows that coincide as well by chance, expected in all places together, above which none is believed."""
+"""Expected number of equally good matches by chance above which a match is not trusted."""
 
 FEWEST_PULSES, LEAST_KEPT, AS_WELL = 3, 0.25, 0.6
-"""The share of `LOST_RUN` successive pulses, while both clocks ran, that keeps to the line: else one was
-set; and the share of hits that leaves a shift by a whole period open."""
+"""Fewest pulses for a match to be trusted; smallest share of LOST_RUN successive pulses, while both clocks
+ran, that must match, or else a clock was set; share of the hits that a match shifted by one period must have
+for the shift to remain possible."""
 
 LOST_RUN = 16
 WAS_SET = "its pulses keep to no one line: a clock was set or a recorder paused; bring each part by itself"
@@ -268,7 +284,10 @@ WAS_SET = "its pulses keep to no one line: a clock was set or a recorder paused;
 
 @dataclass(frozen=True)
 class Line:
-    """reference = other + offset + rate * (other - at), and the 1-sigma errors of offset and rate."""
+    """Map from another clock to the reference clock: reference = other + offset + rate * (other - at).
+
+    at, offset : s. rate : relative difference between the rates. sd_offset_s, sd_rate : 1-sigma errors.
+    """
 
     at: float
     offset: float
@@ -278,7 +297,10 @@ class Line:
 
     @classmethod
     def through(cls, other_s: Array, reference_s: Array, sd_s: float = USUAL_JITTER_S) -> Line:
-        """Fit the line to matched pulses (M,), at least one; the rate is drawn towards 0, see RATE_SD."""
+        """Fit the line to matched pulses, shape (M,), M >= 1, s; RATE_SD is a prior that draws the rate to 0.
+
+        sd_s : 1-sigma error of a pulse's time.
+        """
         at = float(other_s.mean())
         x, y = other_s - at, reference_s - other_s
         weight = float(x @ x) + sd_s**2 / RATE_SD**2
@@ -286,22 +308,34 @@ class Line:
         return cls(at, float(y.mean()), rate, sd_s / np.sqrt(len(x)), sd_s / np.sqrt(weight))
 
     def __call__(self, other_s: Array) -> Array:
-        """Times of the reference clock."""
+        """Convert times of the other clock to the reference clock, s."""
         return np.asarray(other_s + self.offset + self.rate * (other_s - self.at))
 
     def sd_s(self, other_s: Array) -> Array:
-        """1-sigma error of those times."""
+        """Return the 1-sigma error of the converted times, s, due to the line."""
         return np.hypot(self.sd_offset_s, self.sd_rate * (other_s - self.at))
 
 
 @dataclass(frozen=True)
 class ClockFit:
-    """The line, and what was seen of the pulses.
+    """The line between two clocks, with statistics of the pulses.
 
-    residual_s : 1-sigma of a single pulse about the line. open_s : the period of pulses that are regular, by
-    which the line may be shifted; else 0. clock_sd_s : largest 1-sigma error of the line between the first
-    and the last pulse. n_missing, n_extra : pulses that only the reference, only the other clock has while
-    both ran. message : why the line is not sure, or empty.
+    Attributes
+    ----------
+    line
+        Map from the other clock to the reference clock.
+    residual_s
+        1-sigma scatter of a single pulse about the line.
+    open_s
+        Period of regular pulses, by which the line may be shifted undetected; 0 if pulses are irregular.
+    clock_sd_s
+        Largest 1-sigma error of the line between the first and the last matched pulse.
+    n_pulses, n_missing, n_extra
+        Numbers of matched pulses, and of those that only the reference clock or only the other clock has
+        while both ran.
+    message
+        Why the line is uncertain, or empty.
+
     """
 
     line: Line
@@ -314,16 +348,28 @@ class ClockFit:
     message: str
 
     def mapped(self, other_s: Array) -> tuple[Array, Array]:
-        """Times of the reference clock (N,) and their 1-sigma error, the scatter of a pulse included."""
+        """Return times (N,) on the reference clock and their 1-sigma errors, with a pulse's scatter, s."""
         scatter_s = np.hypot(self.residual_s, self.open_s)
         return self.line(other_s), np.hypot(self.line.sd_s(other_s), scatter_s)
 
 
 def fit_clock(r: Array, o: Array) -> ClockFit | str:
-    """Match the pulses of the reference clock, ascending, and the other, as written, and fit the line.
+    """Match pulses between two clocks and fit the line from the other clock to the reference clock.
 
-    Offsets may be of any size, rates differ by up to 600 ppm; pulses may be lost or added on either clock.
-    Returns a sentence where no one line fits.
+    The offset can have any size, and rates can differ by up to 600 ppm. Either clock may lack pulses or have
+    additional ones.
+
+    Parameters
+    ----------
+    r, o : array, shape (R,) and (O,)
+        Times of the pulses on the reference clock, ascending, and on the other clock, in the order of its
+        file, s.
+
+    Returns
+    -------
+    ClockFit or str
+        The fit, or a sentence that states why no single line fits.
+
     """
     if not len(r) or not len(o):
         return "no common pulse on " + ("the file" if len(r) else "the recording's clock")
@@ -361,11 +407,11 @@ def fit_clock(r: Array, o: Array) -> ClockFit | str:
 
 
 def _best_window(r: Array, o: Array, within_s: float) -> tuple[Integers, Integers, float]:
-    """Pairs of the window that coincides best, and in how many places as many would by chance.
+    """Return the pairs of the window that matches best, and how many such matches to expect by chance.
 
-    Of the offsets at which as many pulses coincide, the one that moves them least in number.
+    If equally many pulses match at several offsets, the one that shifts the pulses' numbering least is taken.
     """
-    from scipy.stats import binom  # which takes half a second to import
+    from scipy.stats import binom  # takes half a second to import
 
     first = np.zeros(1, np.int64)
     if len(r) == len(o) == 1:
@@ -389,7 +435,7 @@ def _best_window(r: Array, o: Array, within_s: float) -> tuple[Integers, Integer
 
 
 def _follow(r: Array, o: Array, i: Integers, j: Integers, within_s: float) -> tuple[Integers, Integers]:
-    """Follow the line through a window's pairs both ways, as far as it is known."""
+    """Extend a window's pairs in both directions, refitting the line, as far as it predicts pulses."""
     while True:
         line = Line.through(o[j], r[i], min(USUAL_JITTER_S, within_s / 5))
         sure = np.flatnonzero((2.5 * line.sd_s(o) < within_s) | ((o >= o[j[0]]) & (o <= o[j[-1]])))
@@ -400,7 +446,7 @@ def _follow(r: Array, o: Array, i: Integers, j: Integers, within_s: float) -> tu
 
 
 def _nearest_pairs(reference_s: Array, expected_s: Array, within_s: float) -> tuple[Integers, Integers]:
-    """Pairs (i, j) of a pulse and an expected time that are nearest to each other; both ascending."""
+    """Return the indices (i, j) of pulses and expected times that are nearest to each other; both ascend."""
     at = _nearest(reference_s, expected_s)
     mutual = _nearest(expected_s, reference_s)[at] == np.arange(len(expected_s))
     chosen = np.flatnonzero(mutual & (np.abs(reference_s[at] - expected_s) <= within_s))
@@ -408,12 +454,12 @@ def _nearest_pairs(reference_s: Array, expected_s: Array, within_s: float) -> tu
 
 
 def _nearest(times_s: Array, to_s: Array) -> Integers:
-    """Index of the time, of those ascending, that is nearest to each other one."""
+    """Return, for each of `to_s`, the index of the nearest of the ascending `times_s`."""
     return np.searchsorted((times_s[1:] + times_s[:-1]) / 2, to_s)
 
 
 def _left(count: int, matched: Integers, ran: slice) -> bool:
-    """Whether a run of one clock's pulses, while both ran, has left the line, see LOST_RUN."""
+    """Return whether a run of LOST_RUN of a clock's pulses hardly matches the line, while both clocks ran."""
     kept = np.isin(np.arange(count), matched)[ran]
     size = min(LOST_RUN, max(FEWEST_PULSES, len(kept) // 2))
     runs = np.convolve(kept, np.ones(size), "valid") if len(kept) >= size else np.full(1, size)
@@ -421,7 +467,7 @@ def _left(count: int, matched: Integers, ran: slice) -> bool:
 
 
 def _is_periodic(r: Array, at_s: Array, period_s: float, within_s: float) -> bool:
-    """Whether pulses (N,), mapped, coincide about as well when they are shifted by an interval."""
+    """Return whether converted pulses (N,) match about as well when they are shifted by one period."""
     moved_s = at_s + period_s * np.array([[0.0], [-1.0], [1.0]])
     hit = np.abs(r[_nearest(r, moved_s.ravel())].reshape(moved_s.shape) - moved_s) <= within_s
     ran = (moved_s >= r[0] - within_s) & (moved_s <= r[-1] + within_s)
@@ -430,7 +476,7 @@ def _is_periodic(r: Array, at_s: Array, period_s: float, within_s: float) -> boo
 
 
 def _doubt(n: int, n_lost: int, open_s: float, by_chance: float) -> str:
-    """Return why a line is weak, or an empty text."""
+    """Return why a line is weak, or an empty string."""
     if n < FEWEST_PULSES:
         return (
             f"{n} common pulse{'s'[: n - 1]}: the rates of the clocks are taken to differ by less than "

@@ -1,9 +1,9 @@
-"""A recording's frames on an even grid of time, what was not recorded left empty, and speeds on it.
+"""A recording's frames on an even time grid, with NaN for lost frames, and speeds computed on the grid.
 
-At each frame a parabola is fitted to the frames around it by least squares (Savitzky & Golay 1964); its slope
-is the velocity. The window is the widest that passes CUTOFF_HZ with at least half the power, so that the same
-motion has the same speed at any sampling rate that can show it. Where the window reaches into a gap there is
-no velocity.
+At each frame a parabola is fitted to the surrounding frames by least squares (Savitzky & Golay 1964); its
+slope is the velocity. The window is the widest that passes CUTOFF_HZ with at least half the power, so that a
+motion has the same speed at all sufficient sampling rates. If the window reaches into a gap, the velocity is
+NaN.
 """
 
 from __future__ import annotations
@@ -21,28 +21,29 @@ from shukotsu.arrays import Array, Float
 from shukotsu.tables.device_clock import device_clock, without_packets
 
 MOST_GAP_S = 0.05
-"""Gaps up to this length are bridged by a straight line, but for ranges and distances; longer ones stay."""
+"""Longest gap that is bridged by linear interpolation to compute speeds."""
 
 _LONGEST_PAUSE_S = 1.0
-"""A longer pause takes no more room than this: no filter reaches across it."""
+"""Length to which longer pauses are shortened on the grid; no filter reaches across it."""
 
 _PARTS = (1, 2, 3)
-"""Parts of the median interval that a step may be: where most frames are missing, one is several steps."""
+"""Divisors of the median interval that are tried as the step: if most frames are lost, it spans several."""
 
 _UNSURE, _MOST_UNSURE = 0.35, 0.01
-"""How far an interval may be from a whole number of steps, in steps, and what share may be farther."""
+"""Largest distance of an interval from a whole number of steps, in steps; and the share of intervals that may
+exceed it."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Place T frames on an even grid of `count` places, `step_s` apart; index : (T,) their indices."""
+    """Even grid of `count` points, `step_s` apart, for T frames; index : (T,), the point of each frame."""
 
     index: npt.NDArray[np.int64]
     count: int
     step_s: float
 
     def spread(self, values: Array) -> Array:
-        """Values (T, ...) at their places (count, ...), NaN where there is no frame."""
+        """Return values (T, ...) of frames on the grid (count, ...), NaN at points without a frame."""
         if self.count == len(values):
             return values
         out = np.full((self.count, *values.shape[1:]), np.nan)
@@ -51,10 +52,16 @@ class Grid:
 
 
 def grid_of(time_s: Array) -> Grid | None:
-    """The grid of the frames' device times (T,), NaN where unknown; None where they tell no rate.
+    """Return the even grid of a recording's frames, or None if no rate can be determined.
 
-    Stamps that are rounded, as to milliseconds, tell the rate by their mean. Where stamps scatter too much to
-    say which frames are missing, as those that a host gives, none is taken for missing but in pauses.
+    The step is the mean interval, so times may be rounded, for example to milliseconds. If times scatter too
+    much to show which frames are missing, as a host's do, frames are assumed to be missing only in pauses.
+
+    Parameters
+    ----------
+    time_s : array, shape (T,)
+        Device times of the frames, s, NaN if unknown.
+
     """
     time_s = without_packets(time_s)[0]
     apart = np.diff(time_s)
@@ -83,9 +90,9 @@ def grid_of(time_s: Array) -> Grid | None:
 def bridge_gaps(
     values: Float[Array, "T C"], step_s: float, most_s: float = MOST_GAP_S
 ) -> Float[Array, "T C"]:
-    """Series (T, C) with gaps of at most most_s filled by straight lines; longer ones stay NaN.
+    """Return series (T, C) with gaps of at most `most_s` filled by linear interpolation.
 
-    A gap before a series' first value or after its last stays, too.
+    Longer gaps, and gaps before a series' first value or after its last, stay NaN.
     """
     longest, out = int(most_s / step_s + 1e-9), values
     for column in np.flatnonzero(np.isnan(values).any(0)):
@@ -109,17 +116,20 @@ _MAD_TO_SD = 1.4826
 
 @cache
 def half_width(step_s: float) -> int:
-    """Frames on either side of the window's middle; 1 at rates too low for the cut-off."""
+    """Return the number of frames on each side of the window's middle, at least 1."""
     width, left = 1, 1.0
     while left >= np.sqrt(0.5) and width < _MOST_HALF_WIDTH:
-        width += 1  # what is left of a sine of CUTOFF_HZ where a parabola's value replaces it
+        width += 1  # `left`: amplitude of a sine of CUTOFF_HZ after the parabola fit
         sine = np.cos(2 * np.pi * CUTOFF_HZ * step_s * np.arange(-width, width + 1))
         left = float(savgol_coeffs(2 * width + 1, 2) @ sine)
     return max(1, width - 1)
 
 
 def velocity(values: Float[Array, "T C"], step_s: float) -> Float[Array, "T C"]:
-    """Rate of change (T, C) per second of series (T, C) on an even grid; NaN beside gaps and at the ends."""
+    """Return the rate of change (T, C), per second, of series (T, C) on an even grid.
+
+    It is NaN where the window reaches into a gap or beyond an end.
+    """
     width = half_width(step_s)
     if len(values) <= 2 * width:
         return np.full(values.shape, np.nan)
@@ -129,10 +139,10 @@ def velocity(values: Float[Array, "T C"], step_s: float) -> Float[Array, "T C"]:
 
 
 def velocity_noise_sd(values: Float[Array, "T C"], step_s: float) -> Float[Array, " C"]:
-    """1-sigma error (C,) that white noise of the series (T, C) leaves in `velocity`; NaN of an empty one.
+    """Return the 1-sigma error (C,) that white noise in series (T, C) causes in `velocity`.
 
-    The noise is told from third differences, which motion below the cut-off hardly has: their median size,
-    which bursts of it do not reach.
+    The noise is estimated from the median size of third differences, which contain hardly any motion below
+    the cut-off and are robust to short bursts of motion. NaN for a series without values.
     """
     width = half_width(step_s)
     gain = 1.0 / (np.sqrt((np.arange(-width, width + 1) ** 2).sum()) * step_s)
@@ -142,9 +152,9 @@ def velocity_noise_sd(values: Float[Array, "T C"], step_s: float) -> Float[Array
 
 
 def speed(values: Float[Array, "T C D"], step_s: float) -> Float[Array, "T C"]:
-    """Speeds (T, C) of C series in D dimensions each, without what noise adds to their square.
+    """Return the speeds (T, C) of C series in D dimensions, in units of the series per second.
 
-    A speed that noise explains is zero.
+    The expected contribution of noise is subtracted from the squared speed; a negative difference gives zero.
     """
     columns = values.reshape(len(values), -1)
     squared = (velocity(columns, step_s) ** 2).reshape(values.shape).sum(2)
@@ -153,7 +163,7 @@ def speed(values: Float[Array, "T C D"], step_s: float) -> Float[Array, "T C"]:
 
 
 def percentiles(series: Float[Array, "C T"], percent: Sequence[float]) -> Float[Array, "P C"]:
-    """Percentiles of the numbers of each series, NaN of one that has none."""
+    """Return percentiles (P, C) of the finite values of each of C series; NaN for a series without any."""
     out = np.full((len(percent), len(series)), np.nan)
     finite = ~np.isnan(series)
     by_gaps: dict[bytes, list[int]] = {}

@@ -1,9 +1,9 @@
-"""Strokes of one recording under one model: which fingertip, when it stopped, how fast it came.
+"""Strokes of one recording under one model: which fingertip struck, when it stopped, and how fast it came.
 
-All strokes of a recording show the way down, against which speeds are held. A tip that struck is the one that
-lost most of its speed on that way at the event. Its contact is the corner of its path: a filter that reaches
-over it mixes the speed before with the rest after, so each side has a parabola of its own, of place against
-time, and both meet where they fit best.
+The downward direction is estimated from all strokes of a recording. The tip that struck is the one that lost
+most speed in this direction at the event. Its contact is the corner of its path. A filter across the corner
+would mix the speed before it with the rest after it, so a separate parabola of position against time is
+fitted to each side, and the time at which they meet is the one of the best fit.
 """
 
 from __future__ import annotations
@@ -25,39 +25,42 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import EventStrokesRow
 
 BACK_S, AHEAD_S = 0.35, 0.15
-"""How much of a recording before and after an event belongs to a stroke at most."""
+"""Longest part of a recording before and after an event that can belong to its stroke."""
 
 SEARCH_S, SLOPE_S = 0.028, 0.025
-"""How far from an event's onset a fingertip's contact is looked for; to how much of its path on either side a
-straight line is fitted to find it."""
+"""Largest distance of a fingertip's contact from the event's onset; length of the path on each side to which
+a straight line is fitted to find the contact."""
 
 LEAST_FALL_MM_S, ALIKE = 50.0, 0.7
-"""Speed that a tip which strikes loses at least; the share of it that a second tip may lose, if it is to be
-sure which of them struck."""
+"""Least speed that a striking tip loses; largest share of that loss in a second tip at which the first is
+still certain to have struck."""
 
 AFTER_S, FEWEST = 0.030, (5, 4)
-"""How long a movement after contact the second parabola is fitted to; frames that the two need."""
+"""Duration after contact to which the second parabola is fitted; fewest frames for the two parabolas."""
 
 AT_THE_TOP, OF_THE_WAY, BEFORE_S = 0.95, 0.4, (0.025, 0.05)
-"""Share of the height that a tip comes from, where it is left, the way down begins; how much of it the first
-parabola is fitted to, and from and to how long."""
+"""The way down begins where the tip leaves this share of its starting height. The first parabola is fitted to
+this share of the way's duration, but at least and at most to these durations."""
 
 SOFT_S = 0.0015
-"""Pulp and felt give way over some ms, of which the corner is the middle: the speed before is that so much
-earlier."""
+"""Half the time for which finger pulp and felt give way at a contact. The corner is in the middle of it, so
+the speed before contact is read this much earlier."""
 
 MOST_CONTACT_SD_S, SHAPE_SHARE = 0.01, 0.03
-"""1-sigma above which a contact is not sure; 1-sigma of its speed, of it: strokes are no parabolas."""
+"""Largest 1-sigma error of the time of a certain contact; additional 1-sigma error of the contact speed, as a
+share of it, because strokes are not exactly parabolas."""
 
 BRIDGED_S, _PEAK_S, _PEAK_NOISE = 0.02, 0.0167, 76.0
-"""Gaps that are bridged; what the largest speed is a mean over, and what noise of 1 mm leaves of it at 240
-Hz, mm/s."""
+"""Longest gap that is bridged; duration over which the peak speed is averaged; error of the peak speed, mm/s
+per mm of noise at 240 Hz."""
 
 
 @dataclass(frozen=True)
 class _Window:
-    """Frames about an event, n of them, evenly spaced. tips_mm, pointing : (n, D, 3) in the transmitter frame
-    and in the hand's; tip_sd_mm : (D,).
+    """n evenly spaced frames around an event, for D digits.
+
+    tips_mm : (n, D, 3), transmitter frame. pointing : (n, D, 3), directions of the tips in the hand's frame.
+    tip_sd_mm : (D,), 1-sigma errors of the tips.
     """
 
     time_s: Array
@@ -68,7 +71,12 @@ class _Window:
 
 @dataclass(frozen=True)
 class _Corner:
-    """Where a path turns. position_mm : (C,), slope : (C,) per second just before it, of all its columns."""
+    """The corner of a path of C columns.
+
+    position_mm : (C,) at the corner. slope : (C,), per s, just before it. time_s, sd_s : its time and the
+    1-sigma error of it. speed_sd_mm_s : error of the speed just before it. noise_mm : scatter of the path
+    about the fit.
+    """
 
     time_s: float
     sd_s: float
@@ -79,7 +87,7 @@ class _Corner:
 
 
 def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> Iterator[EventStrokesRow]:
-    """Rows of event_strokes, one an event."""
+    """Yield a row of event_strokes for each event."""
     digits = list(movement.fingertips)
     timed = np.flatnonzero(np.isfinite(movement.time_s))
     missing = "no frame of the recording is there"
@@ -105,7 +113,7 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
 
 
 def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _Window | None:
-    """Frames about an event, gaps of at most BRIDGED_S filled; None where hardly any is there."""
+    """Return the frames around an event with short gaps bridged, or None if there are too few."""
     onset_s = event.row["onset_s"]
     rows = slice(*np.searchsorted(time_s, [onset_s - BACK_S, onset_s + AHEAD_S]).tolist())
     own_s = time_s[rows]
@@ -126,7 +134,7 @@ def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _W
 
 
 def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
-    """Times (C,) about an event, and velocities (C, D, 3) of the tips just before and after each."""
+    """Return times (C,) near an event, and the tips' velocities (C, D, 3) just before and after each."""
     step_s = float(window.time_s[1] - window.time_s[0])
     half = max(1, round(SLOPE_S / step_s / 2))
     wide = [(half, half), (0, 0), (0, 0)]
@@ -145,7 +153,7 @@ def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
 
 
 def _way_down(losses: Sequence[tuple[Array, Array, Array]]) -> Array:
-    """Return the direction (3,) in which tips lose speed, the median of all events'."""
+    """Return the direction (3,) in which tips lose speed, the median over all events."""
     ways = []
     for _, before, after in losses:
         lost = np.linalg.norm(before, axis=-1) - np.linalg.norm(after, axis=-1)
@@ -162,7 +170,7 @@ def _stroke(
     digits: Sequence[str],
     down: Array,
 ) -> EventStrokesRow:
-    """Measure an event by the digit that made it."""
+    """Find the digit that made an event and measure its stroke; return columns of event_strokes."""
     time_s, before, after = losses
     fall = np.nan_to_num(before @ down - np.abs(after @ down), nan=-np.inf)
     best, most = fall.argmax(0), fall.max(0)
@@ -187,7 +195,7 @@ def _stroke(
 
 
 def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) -> EventStrokesRow | None:
-    """Measure a stroke's way down to its contact; None without one."""
+    """Measure a stroke down to its contact; return None if the tip has no corner or no way down."""
     time_s, tip = window.time_s, window.tips_mm[:, digit]
     path = np.concatenate([tip, window.pointing[:, digit]], -1)
     corner = _corner(time_s, path, about_s, 0.03)
@@ -200,7 +208,7 @@ def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) ->
     first_s = float(time_s[way[height[way] >= AT_THE_TOP * height[way].max()][-1]])
     before_s = float(np.clip(OF_THE_WAY * (corner.time_s - first_s), *BEFORE_S))
     corner = _corner(time_s, path, corner.time_s, before_s) or corner
-    # a tip that is off by so much along a direction is so much faster, or slower, as it turns
+    # while the tip turns, an error of its position makes its speed too high or too low
     turning = window.tip_sd_mm[digit] / np.sqrt(3.0) * float(np.linalg.norm(corner.slope[3:]))
     speed = float(np.linalg.norm(corner.slope[:3]))
     falling = tip[way][time_s[way] >= first_s]
@@ -222,7 +230,10 @@ def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) ->
 
 
 def _corner(time_s: Array, path: Array, about_s: float, before_s: float) -> _Corner | None:
-    """Fit the corner of a path (n, 6), mm and then direction, within 8 ms of a time; None without frames."""
+    """Fit the corner of a path within about 10 ms of a time; return None if there are too few frames.
+
+    path : (n, 6), position, mm, and direction. before_s : duration before the corner to fit to.
+    """
     step_s = float(time_s[1] - time_s[0])
     off_s = time_s - about_s
     span_s = max(before_s, (FEWEST[0] + 0.5) * step_s), max(AFTER_S, (FEWEST[1] + 0.5) * step_s)

@@ -1,13 +1,13 @@
-"""The tables of a study's comparisons, from its tables of movement and its recordings' levels.
+"""Comparisons of movement between factor levels, sessions and trials of a study.
 
-Subjects are compared by numbers of recordings that count, one for each subject and level: averaged over
-trials first and over sessions then, so that who was recorded more often does not count more often. Recordings
-of a hand with a suspect finding are left out.
+Each subject contributes one value per level, averaged first over trials and then over sessions, so that
+subjects who were recorded more often have no more weight. Recordings of a hand with a suspect finding are
+left out.
 
-A family, of which p_holm and the verdicts are: every quantity, joint and angle, digit or pair of digits in
-every hand and task, for one pair of levels under one model. How well a number repeats is stated between
-sessions and between trials of the first session: one counts where at least half of the subjects have it, and
-a subject who has them all.
+p_holm and the verdicts are corrected over a family: all quantities, joints, angles and digits in all hands
+and tasks, for one pair of levels under one model. Repeatability is stated between sessions, and between the
+trials of each subject's first session. It uses the sessions or trials that at least half of the subjects
+have, and the subjects who have all of these.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ComparedColumn:
-    """A column of a table that is compared. of : the columns that say whose it is."""
+    """A column of a table that is compared; of : columns that identify the joint, angle or digit of a row."""
 
     table: Table
     name: str
@@ -61,7 +61,7 @@ class ComparedColumn:
 
     @property
     def unit(self) -> str:
-        """Unit of its values."""
+        """Unit of the column's values."""
         return self.table.column(self.name).unit
 
 
@@ -84,10 +84,10 @@ SESSION, TRIAL = "session", "trial"
 
 @dataclass(frozen=True)
 class RecordingLevels:
-    """The study's recordings with their levels.
+    """The study's recordings with their factor levels.
 
-    rows : RECORDING, a column a factor (`level_column`; empty where a recording has no level), and
-    `left_out`: why a recording is in no statistic, empty where it counts. factors : those that are compared.
+    rows : the columns RECORDING, one column per factor (`level_column`; empty if the level is unknown), and
+    `left_out`, the reason why a recording is not used, or empty. factors : the factors that are compared.
     """
 
     rows: pd.DataFrame
@@ -95,14 +95,15 @@ class RecordingLevels:
 
     @property
     def counted(self) -> pd.DataFrame:
-        """The recordings that count."""
+        """The recordings that are used."""
         return self.rows[self.rows["left_out"] == ""]
 
     @cached_property
     def contained(self) -> dict[str, dict[tuple[str, str], str]]:
-        """Factors of which a subject has other levels in another, by session and trial, then hand and task.
+        """Factors whose level changes between a subject's sessions, or trials, by hand and task.
 
-        What such a factor does is in the numbers' change, which then is no measurement error alone.
+        The keys are session or trial, then hand and task; factors are separated by semicolons. The effect of
+        such a factor adds to the change between repetitions, which then is more than measurement error.
         """
         recordings = self.rows
         if SESSION in self.factors:
@@ -119,16 +120,16 @@ class RecordingLevels:
 
 
 def level_column(factor: str) -> str:
-    """Return the column of a factor's levels: a sheet's column may be called as any column of a table."""
+    """Return the name of the column of a factor's levels, distinct from columns of the tables."""
     return factor if factor in OWN_FACTORS else f"level of {factor}"
 
 
 def mark_suspect(
     rows: Sequence[Mapping[str, str]], factors: Collection[str], problems: pd.DataFrame
 ) -> RecordingLevels:
-    """Mark in the recordings with their levels those of hands that a problem calls suspect.
+    """Return the recordings with their levels, with those of suspect hands marked as left out.
 
-    rows : as `factor_levels` returns them. problems : as the table has them.
+    rows : from `factor_levels`. problems : rows of the problems table.
     """
     names = [*RECORDING, *factors]
     levels = pd.DataFrame(rows, columns=list(dict.fromkeys(names)), dtype=str)
@@ -140,10 +141,11 @@ def mark_suspect(
 
 
 def numbers_of(quantity: ComparedColumn, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
-    """A quantity's numbers in the recordings that count: those' columns, model, of and value.
+    """Return a quantity's values in the recordings that are used.
 
-    whole : the quantity's table. Sessions come one after the other, see `in_order`, and so do the trials of
-    each.
+    The columns are those of `counted`, and model, of (such as joint and angle) and value. Rows are sorted by
+    session and then trial, in the order of `in_order`. whole : the quantity's table. counted : the recordings
+    that are used.
     """
     first, *others = quantity.of
     of = whole[first].str.cat([whole[name] for name in others], sep=" ") if others else whole[first]
@@ -156,10 +158,10 @@ def numbers_of(quantity: ComparedColumn, whole: pd.DataFrame, counted: pd.DataFr
 
 
 def in_order(rows: pd.DataFrame, column: str) -> list[str]:
-    """Return what a column of recordings has, in the order of the sheet: of the subjects who have most of it
-    first.
+    """Return the values of a column of recordings in the sheet's order.
 
-    A subject whose second session is missing does not put the third before it.
+    Subjects with most values determine the order, so that a subject whose second session is missing does not
+    put the third one before it.
     """
     levels = rows.groupby("subject", sort=False)[column].unique()
     most = levels[levels.map(len).sort_values(ascending=False, kind="stable").index]
@@ -167,7 +169,7 @@ def in_order(rows: pd.DataFrame, column: str) -> list[str]:
 
 
 def subject_means(numbers: pd.DataFrame, factor: str, cell: Sequence[str]) -> pd.Series[float]:
-    """Means over trials, then over sessions: by the columns of `cell`, subject and level."""
+    """Return means over trials, then over sessions, indexed by the columns of `cell`, subject and level."""
     levels = numbers.assign(level=numbers[level_column(factor)])
     levels = levels[levels["level"] != ""]
     by_session = levels.groupby([*cell, "subject", "session", "level"], sort=False)["value"].mean()
@@ -180,12 +182,26 @@ WITHIN, BETWEEN = "within", "between"
 
 @dataclass(frozen=True)
 class LevelPair:
-    """Two levels of a factor in one place: a hand and a task, less the factor itself.
+    """Two levels of a factor that are compared in one hand and task.
 
-    design : within where at least as many of the study's subjects have both levels as have one, else between.
-    levels_of : each subject's levels among the two, recordings that count or not; between groups those that
-    they have in any place. suspect : subjects of whom some recordings do not count, or none does, in these
-    words. without : subjects who were recorded there and have no level.
+    Attributes
+    ----------
+    factor
+        Name of the factor.
+    where
+        Hand and task, without the one that is the factor itself.
+    level, other
+        The two levels.
+    design
+        WITHIN if at least half of the study's subjects with either level have both, else BETWEEN.
+    levels_of
+        Each subject's levels among the two, including those of recordings that are not used. For the design
+        BETWEEN they are from all hands and tasks.
+    suspect
+        Subjects with recordings that are not used: "suspect" if none is used, else "suspect in part".
+    without
+        Subjects who were recorded in this hand and task but have no level.
+
     """
 
     factor: str
@@ -199,14 +215,14 @@ class LevelPair:
 
     @cached_property
     def candidates(self) -> tuple[frozenset[str], frozenset[str]]:
-        """Subjects that may stand for each level: within those with both, between those with it alone."""
+        """Subjects that can represent each level: with both levels (WITHIN), or with only this (BETWEEN)."""
         first, other = frozenset({self.level}), frozenset({self.other})
         wanted = (first | other,) * 2 if self.design == WITHIN else (first, other)
         of = [frozenset(name for name, has in self.levels_of.items() if has == levels) for levels in wanted]
         return of[0], of[1]
 
     def left_out(self, used: Collection[str]) -> tuple[int, str]:
-        """Count the subjects not in `used`, and say why they, or some recordings of others, are not."""
+        """Return how many subjects are not in `used`, and why they or some recordings of others are not."""
         reasons: dict[str, list[str]] = {}
         for subject in sorted(self.levels_of, key=lambda name: name in used):
             levels, reason = self.levels_of[subject], self.suspect.get(subject, "")
@@ -225,9 +241,9 @@ class LevelPair:
 
 
 def level_pairs(everything: RecordingLevels) -> Iterator[LevelPair]:
-    """Pairs of every factor's levels, in every hand and task of the study, less the one that is the factor.
+    """Yield all pairs of levels of each factor, in each hand and task of the study (unless it is the factor).
 
-    Levels stand in the sheet's order, which is one for all places.
+    Levels are in the sheet's order, which is the same for all hands and tasks.
     """
     for factor in everything.factors:
         column = level_column(factor)
@@ -263,9 +279,9 @@ SHOWN, NOT_SHOWN = "shown", "not-shown"
 def difference_rows(
     quantity: ComparedColumn, numbers: pd.DataFrame, pairs: Sequence[LevelPair]
 ) -> Iterator[MovementDifferencesRow]:
-    """Rows of movement_differences for one quantity, over all pairs of levels, but for what `judge` adds.
+    """Yield the rows of movement_differences of one quantity for all pairs of levels.
 
-    numbers : as `numbers_of` gives them.
+    `judge` adds the last columns. numbers : from `numbers_of`.
     """
     for factor, of_factor in groupby(pairs, key=lambda pair: pair.factor):
         columns = [column for column in ("hand", "task") if column != factor]
@@ -287,9 +303,10 @@ def difference_rows(
 def _cells(
     wide: pd.DataFrame, names: Sequence[str]
 ) -> Iterator[tuple[tuple[str, ...], list[str], Float[np.ndarray, "n k"]]]:
-    """Yield of each combination of index levels its key, subjects and values, in order of appearance.
+    """Yield the key, subjects and values of each combination of the index levels `names`, in order.
 
-    wide : indexed by the names and the subject; values of n subjects in its k columns, NaN where none.
+    wide : indexed by the names and the subject, with k columns. Values of n subjects are (n, k), NaN if
+    missing.
     """
     cell = wide.groupby(list(names), sort=False).ngroup().to_numpy()
     keys = list(zip(*(wide.index.get_level_values(name) for name in names), strict=True))
@@ -300,7 +317,7 @@ def _cells(
 
 
 def judge(rows: Sequence[MovementDifferencesRow]) -> None:
-    """Correct every row's p by Holm over all of its pair of levels and model, and say what is shown."""
+    """Set each row's p_holm, corrected over all rows of a pair of levels and a model, and its verdict."""
     families: dict[tuple[str, ...], list[MovementDifferencesRow]] = {}
     for row in rows:
         key = row["factor"], row["level"], row["other_level"], row["model"]
@@ -314,7 +331,7 @@ def judge(rows: Sequence[MovementDifferencesRow]) -> None:
 def _difference_row(
     subjects: Sequence[str], values: Float[np.ndarray, "n 2"], pair: LevelPair
 ) -> MovementDifferencesRow:
-    """Return one comparison. values : (n, 2) of the subjects at both levels, NaN where there is none."""
+    """Return a comparison's columns; values : (n, 2), of the subjects at both levels, NaN if missing."""
     counts = np.array([[name in may for may in pair.candidates] for name in subjects]) & ~np.isnan(values)
     is_within = pair.design == WITHIN
     if is_within:
@@ -359,7 +376,10 @@ def _difference_row(
 
 
 def why_untested(design: str, n: int, m: int) -> str:
-    """Write why so many subjects at two levels are not tested, or nothing, in the language in use."""
+    """Return why n and m subjects at two levels are too few for a test, or an empty string.
+
+    The sentence is in the language in use.
+    """
     if min(n, m) == 0:
         if design == WITHIN:
             return tr("no subject has a value at both levels")
@@ -378,7 +398,7 @@ CELL = ["hand", "task", "model", "of"]
 def reliability_rows(
     quantity: ComparedColumn, numbers: pd.DataFrame, everything: RecordingLevels
 ) -> Iterator[MovementReliabilityRow]:
-    """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
+    """Yield the rows of movement_reliability of one quantity; numbers : from `numbers_of`."""
     reasons = _reasons(everything)
     keys = ["subject", "hand", "task"]
     first = everything.counted.drop_duplicates(keys)[[*keys, SESSION]]
@@ -400,7 +420,7 @@ def reliability_rows(
 
 
 def _reasons(everything: RecordingLevels) -> dict[tuple[str, str], dict[str, str]]:
-    """Return by hand and task every subject who was recorded, and why they would have no value."""
+    """Return, by hand and task, each recorded subject with the reason to state if they have no value."""
     subjects_of: dict[tuple[str, str], dict[str, str]] = {}
     for row in everything.rows.itertuples():
         subjects = subjects_of.setdefault((row.hand, row.task), {})
@@ -418,7 +438,11 @@ def _reliability_row(
     levels: Sequence[str],
     absent: Mapping[str, str],
 ) -> MovementReliabilityRow:
-    """Return one number's row, empty where nothing repeats. values : of subjects in sessions or trials."""
+    """Return the columns of one quantity's repeatability, empty if no subject has two values.
+
+    values : (n, k), of n subjects in k sessions or trials, NaN if missing. absent : reasons why other
+    subjects have no value.
+    """
     seen = ~np.isnan(values)
     if seen.sum(1).max() < 2:
         return {}
@@ -461,8 +485,8 @@ def compare_study(
 ) -> None:
     """Read the study's tables of movement and write the tables of comparisons beside them.
 
-    levels : as `factor_levels` returns them. factors : those that are compared pair by pair.
-    sheets : where they are from, for the tables' metadata. Raises TableError where a table is damaged.
+    levels : from `factor_levels`. factors : the factors that are compared pair by pair. sheets : their files,
+    for the tables' metadata. Raises TableError if a table is damaged.
     """
     problems = _read(results, PROBLEMS, ["subject", "session", "hand", "severity"])
     everything = mark_suspect(levels, factors, problems)
@@ -480,7 +504,7 @@ def compare_study(
 
 
 def _numbers(results: Results, everything: RecordingLevels) -> Iterator[tuple[ComparedColumn, pd.DataFrame]]:
-    """Every quantity's numbers, of one table after the other."""
+    """Yield each quantity with its values, reading one table after the other."""
     counted = everything.counted
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
         listed = list(quantities)

@@ -88,7 +88,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
 
 def import_recording(arguments: argparse.Namespace) -> None:
     """Read a recording, check it and write its poses table; notes go to stderr."""
-    from shukotsu.errors import reading_what_was_brought
+    from shukotsu.errors import reading_user_tables
     from shukotsu.readers.hemispheres import expected_joints
     from shukotsu.readers.poses_table import poses_table
     from shukotsu.readers.samples import join_samples
@@ -104,7 +104,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     parts_without_rows: list[Samples] = []
 
     def parts() -> Iterator[Samples]:
-        with reading_what_was_brought():
+        with reading_user_tables():
             for part in read(arguments.file, layout, mapping):
                 parts_without_rows.append(part.take(slice(0)))
                 yield part

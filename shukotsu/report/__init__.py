@@ -1,1 +1,1 @@
-"""After the hands, the study: one table each of joints, bones, metacarpals, tips and errors."""
+"""The report: pages of the study, its subjects and recordings, with figures, viewer and translation."""

@@ -1,4 +1,4 @@
-"""Verdicts on joints and bones, as tables hold them, in signs and words, and what would improve them."""
+"""Verdicts on joints and bones in signs and words, and what would improve the joints."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 
 BELIEVED, CARE, NOT, UNWORN = N_("✓ yes"), N_("◆ with care"), N_("✕ no"), N_("– not worn")
 BELIEFS = (BELIEVED, CARE, NOT, UNWORN)
-"""From good to bad; a picture marks them by shape and colour, see BELIEF_MARKS, and has no joint that nobody
-wore a receiver for.
+"""All verdicts as displayed, best first.
+
+Pictures mark them by shape and colour (BELIEF_MARKS) and omit joints for which no receiver was worn.
 """
 
 BELIEF_MARKS: Mapping[str, PlotMark] = {
@@ -42,7 +43,7 @@ BELIEF_MARKS: Mapping[str, PlotMark] = {
 NO_JOINT = N_("no joint was solved")
 
 _SHOWN = {verdict.BELIEVE: BELIEVED, verdict.CARE: CARE, verdict.NO: NOT}
-"""What pages show for each value of the column `verdict`."""
+"""Displayed verdict for each value of the column `verdict`."""
 
 _DOUBT_TEXTS: Mapping[str, str] = {
     verdict.NOT_WORN: N_("no receiver on {segments}, so it is not measured"),
@@ -78,21 +79,21 @@ _DOUBT_TEXTS: Mapping[str, str] = {
     verdict.NO_ERROR: N_("no error is stated for its position"),
     verdict.AXIS: N_("its axis is uncertain by {axis_sd_deg:.0f} deg"),
 }
-"""What a kind of doubt says of a joint."""
+"""Sentence about a joint for each kind of doubt."""
 
 
 def belief(row: Mapping[str, object]) -> str:
-    """One of BELIEFS for a row of joint_centres or bone_lengths: what its column `verdict` says."""
+    """Return the displayed verdict (one of BELIEFS) of a row of joint_centres or bone_lengths."""
     if row.get("reason") == verdict.NOT_WORN:
         return UNWORN
     return _SHOWN[str(row["verdict"])]
 
 
 def reasons_of(row: Mapping[str, Any]) -> list[str]:
-    """Return why a row of joint_centres is doubted and what else is known of it, the weightiest first.
+    """Return the doubts about a joint and its row's message as sentences, the most important first.
 
-    The 1-sigma error is not part of the text: it has its own column, so that joints with the same reason
-    share a text.
+    The sentences do not include the joint's 1-sigma error, which has a column of its own, so that joints with
+    the same reason have the same text.
     """
     doubts, message = verdict.doubts_of(row), translated(row["message"]).rstrip(".。")
     reasons = []
@@ -109,7 +110,7 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
 
 
 def wanted_text(layouts: Iterable[Layout], times: float = 1.0) -> str:
-    """Write the error wanted of a centre, mm, times a factor; of several layouts each, as in: 2 or 10."""
+    """Return the error of a centre, mm, that layouts allow, times a factor, as text such as "2 or 10"."""
     wanted = sorted({layout.wanted_mm for layout in layouts})
     return tr(" or ").join(f"{times * each:g}" for each in wanted)
 
@@ -118,9 +119,12 @@ _NUMBERS = ("sd_mm", "range_deg", "gap_rms_mm", "gap_rms_free_mm", "axis_plane_d
 
 
 def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
-    """Tabulate a hand's joints under a model: verdict, the numbers that any joint has, reasons for doubt."""
+    """Return a table of a hand's joints under a model: verdicts, numbers and reasons for doubt.
+
+    Numbers that no joint has are omitted.
+    """
     rows: Sequence[Mapping[str, Any]] = results.joints_of.get((hand, model), [])
-    row_name = Markup('<span id="{}">{}</span>' if model == results.leading else "{1}")  # where links lead
+    row_name = Markup('<span id="{}">{}</span>' if model == results.leading else "{1}")  # the target of links
     columns = (
         PageColumn(
             tr("Joint"),
@@ -141,12 +145,15 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
 
 
 def joint_anchor(hand: Hand, joint: str) -> str:
-    """Return the name by which a link finds a joint's row on its subject's page."""
+    """Return the anchor of a joint's row on its subject's page."""
     return f"{hand.hand}-{joint}"
 
 
 def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
-    """Return each worn joint's verdict in the middle of the study's hands, of two the worse."""
+    """Return each joint's median verdict over the study's hands; between two verdicts, the worse one.
+
+    Hands without a receiver for the joint are not counted.
+    """
     of_joint: dict[str, list[str]] = defaultdict(list)
     for hand in results.hands:
         for row in results.joints_of.get((hand, model), []):
@@ -158,19 +165,19 @@ def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
 
 
 def believed_counts(rows: Iterable[JointCentresRow]) -> str:
-    """Count joints of rows of joint_centres by verdict, for a line of summary."""
+    """Return the number of joints with each verdict as one line of text."""
     counts = Counter(belief(row) for row in rows)
     return tr(", ").join(f"{tr(each)} {counts[each]}" for each in BELIEFS if counts[each]) or tr(NO_JOINT)
 
 
 NEAR_TIMES = 1.25
-"""Largest stated error, as a multiple of wanted_mm, that one more measurement or movement may mend."""
+"""Largest stated error, as a multiple of wanted_mm, that one more measurement or movement may remedy."""
 
 
 def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layout: Layout) -> list[str]:
-    """Return which joints of a hand just miss the error wanted, and what would improve them.
+    """Return sentences on joints whose error is just above `wanted_mm`, and on what would improve them.
 
-    rows : of joint_centres; gains : of the same hand.
+    rows, gains : rows of joint_centres and of gains of the same hand.
     """
     near, wanted_mm = [], layout.wanted_mm
     for row in rows:
@@ -183,9 +190,9 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
     mended = {row["joint"]: row for row in reversed(gains) if row["joint_sd_after_mm"] <= wanted_mm}
     lines = [
         tr(
-            "{joints}: known to {wanted_mm:g} to {most_mm:g} mm (1 sigma, 3-D). That serves for angles, "
-            "ranges of motion and the comparison of groups; not for moment arms, which are some 10 mm at a "
-            "finger.",
+            "{joints}: known to {wanted_mm:g} to {most_mm:g} mm (1 sigma, 3-D). That is sufficient for "
+            "angles, ranges of motion and comparisons of groups, but not for moment arms, which are some "
+            "10 mm at a finger.",
             joints=listed(near),
             wanted_mm=wanted_mm,
             most_mm=NEAR_TIMES * wanted_mm,
@@ -213,11 +220,11 @@ _PARTS = {
     "touch": N_("touching a known point with the {bone} fingertip"),
     "": N_("measuring the {bone} with a calliper"),
 }
-"""The action for each part of a quantity in the table gains, named as in measurements.tsv."""
+"""Action for each part of a quantity in the table gains; parts are named as in measurements.tsv."""
 
 
 def gain_lines(rows: Sequence[GainsRow]) -> list[str]:
-    """Return what to record or measure next of a hand, a sentence a row of gains, at most three."""
+    """Return sentences on what to record or measure next, for the first MOST_GAINS rows of gains."""
     lines = []
     for row in rows[:MOST_GAINS]:
         segment, _, part = row["quantity"].partition(".")

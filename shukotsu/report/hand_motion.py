@@ -1,7 +1,7 @@
-"""Motion shown in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
+"""Motion that the viewer shows: joints, tips and receivers of one hand's skeletons over a recording.
 
-Where a joint is says `hand.posing`: a fitted hand moves as its bones were posed with all receivers; every
-other skeleton is carried by them. Still pictures show one frame of the same motion.
+`hand.posing` determines joint positions: in a fitted hand from bones posed with all receivers, in any other
+skeleton from points fixed to receivers. Still pictures show one frame of the same motion.
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import ReceiversRow
 
 MOST_FRAMES = 15_000
-"""Frames that a view holds at most: a minute at 240 frames a second."""
+"""Largest number of frames in a view: a minute at 240 frames per second."""
 
 
 @dataclass(frozen=True)
 class BoneLine:
-    """A line between two points (indices). digit : its index; level : 0 for a digit's first bone, -1 for
-    the line from the wrist to where a digit starts, which is no bone. shared : whether other digits' bones
-    start at the same point.
+    """A line between two points.
+
+    start, end : indices of the points. digit : index of the digit. level : index of the bone in its digit, or
+    -1 for the line from the wrist to the start of a digit, which is not a bone. shared : whether bones of
+    other digits start at the same point.
     """
 
     start: int
@@ -48,10 +50,10 @@ class BoneLine:
 
 @dataclass(frozen=True)
 class JointAxis:
-    """A joint's rotation axis, and the sagittal plane that cuts it where the model has one.
+    """A joint's rotation axis, and the sagittal plane that cuts it if the model has one.
 
-    point : index of the joint, which the plane goes through. axis : (3,) unit, in the frame of the receiver
-    of `segment`. normal : (3,) in that of plane_segment, which is empty where no plane cuts.
+    point : index of the joint, which is in the plane. axis : (3,), unit, in the frame of the receiver on
+    `segment`. normal : (3,), in the frame of the receiver on plane_segment, which is empty without a plane.
     """
 
     point: int
@@ -65,10 +67,11 @@ class JointAxis:
 class ShownSkeleton:
     """One skeleton over T frames: P points, B bones, D digits.
 
-    model_index : of the model in the study, which its colour goes by. points : names of joints, then of tips.
-    position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. on_receivers : the points as fixed on
-    receivers; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D, NaN where none is
-    stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay, NaN in gaps.
+    model_index : index of the model in the study, which determines its colour. points : names of joints, then
+    of tips. position_mm : (T, P, 3), in the transmitter frame, NaN in gaps. on_receivers : the points as
+    fixed to receivers; None for a fitted skeleton. sd_mm : (P,), 1-sigma error of each point in 3-D, NaN if
+    none is stated. believed : (P,), each of BELIEFS; tips are always believed. tip_error_mm : (T, D), of the
+    replay, NaN in gaps.
     """
 
     model: str
@@ -85,13 +88,13 @@ class ShownSkeleton:
 
 @dataclass(frozen=True)
 class HandMotion:
-    """One hand over T frames: R receivers and one skeleton or more, all in the transmitter frame.
+    """One hand over T frames: R receivers and one or more skeletons, all in the transmitter frame.
 
-    frame : (T,) as recorded; time_s : (T,) device time, NaN where the recording has none. every : how many
-    recorded frames there are to one kept here. receiver_mm : (T, R, 3), receiver_quaternion : (T, R, 4) unit
-    (w, x, y, z), receiver to transmitter frame, both NaN where not valid. base : the receiver that the view
-    hangs on; distal, dorsal : unit vectors in its frame. paper : the paper's skeleton, if it is among these.
-    begins_s : time of the first frame here, from the recording's first.
+    frame : (T,), recorded frame numbers. time_s : (T,), device times, NaN if unknown. every : number of
+    recorded frames per frame kept here. receiver_mm : (T, R, 3). receiver_quaternion : (T, R, 4), unit, (w,
+    x, y, z), receiver to transmitter frame. Both are NaN if not valid. base : index of the receiver to which
+    the view is fixed. distal, dorsal : unit vectors in its frame. paper : name of the paper's skeleton, if it
+    is included. begins_s : time from the recording's first frame to the first frame here.
     """
 
     hand: str
@@ -120,9 +123,9 @@ def hand_motion(
 ) -> HandMotion:
     """Join skeletons with the receivers that they were made from.
 
-    every : how many recorded frames there are to one of these. Receivers without a valid pose are left out.
-    Raises InputError where the receiver that the view hangs on has none: then nothing says which way the hand
-    is up.
+    every : number of recorded frames per frame of these poses. Receivers without a valid pose are left out.
+    Raises InputError if the receiver to which the view is fixed has none, since the hand's orientation is
+    then unknown.
     """
     base = view_base(layout)
     worn = np.asarray(poses.valid.any(axis=0))
@@ -149,13 +152,13 @@ def hand_motion(
 
 
 def view_base(layout: Layout) -> str:
-    """The segment whose receiver the view hangs on: the base of the first digit."""
+    """Return the segment to whose receiver the view is fixed: the base of the first digit."""
     return next(iter(layout.digits.values())).base
 
 
 @dataclass(frozen=True)
 class ModelledHand:
-    """A hand under a model, to be posed. joints : rows of joint_centres by joint. tip_error_mm : (T, D)."""
+    """A hand under a model, to be posed; joints : rows of joint_centres by joint. tip_error_mm : (T, D)."""
 
     layout: Layout
     model: SkeletonModel
@@ -165,7 +168,7 @@ class ModelledHand:
 
 
 def receiver_skeleton(hand: ModelledHand, poses: Poses) -> ShownSkeleton:
-    """Return a skeleton whose joints receivers carry."""
+    """Return a skeleton whose joints are fixed to receivers."""
     digits = hand.layout.digits.values()
     by_digit = [digit_points(digit, hand.layout, hand.model, hand.joints) for digit in digits]
     points = {point.name: point for of_digit in by_digit for point in of_digit}
@@ -177,9 +180,9 @@ def receiver_skeleton(hand: ModelledHand, poses: Poses) -> ShownSkeleton:
 def fitted_skeleton(
     hand: ModelledHand, worn: Mapping[str, ReceiversRow], posed: PosedRecording
 ) -> ShownSkeleton:
-    """Return a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
+    """Return a fitted hand with its bones as posed; each digit ends at the end of its distal bone.
 
-    worn : rows of receivers by segment.
+    worn : rows of receivers by segment. posed : the posed bones.
     """
     layout = hand.layout
     chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
@@ -196,8 +199,10 @@ def fitted_skeleton(
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
-    """Return which skeletons a view shows before any is chosen: the last fitted one that was posed in this
-    recording, else the first; beside it the paper's or else the first of the others, if there are any.
+    """Return the indices of the skeletons that a view shows at first.
+
+    They are the last fitted skeleton that was posed in this recording, or else the first skeleton; and, if
+    there are others, the paper's skeleton or else the first of them.
     """
     posed = [np.isfinite(skeleton.position_mm).any() for skeleton in motion.skeletons]
     fitted = [i for i, s in enumerate(motion.skeletons) if s.on_receivers is None and posed[i]]
@@ -208,25 +213,30 @@ def shown_first(motion: HandMotion) -> tuple[int, ...]:
 
 
 def upright(motion: HandMotion) -> Array:
-    """The view's axes as rows (3, 3) in the base receiver's frame: right, up (distal), towards the viewer.
+    """Return the view's axes as rows (3, 3) in the base receiver's frame: right, up (distal), to the viewer.
 
-    The viewer sees the back of the hand. Right is distal x dorsal and not the lateral axis, whose sign a
-    layout leaves open: so no hand is ever mirrored.
+    The viewer sees the back of the hand. Right is distal x dorsal rather than the lateral axis, whose sign a
+    layout does not fix, so that no hand is mirrored.
     """
     distal, dorsal = np.array(motion.distal), np.array(motion.dorsal)
     return np.stack([np.cross(distal, dorsal), distal, dorsal])
 
 
 def view_points(motion: HandMotion, frames: Integers, world_mm: Array) -> Array:
-    """Points (F, n, 3) of the frames (F,), indices, in the view's axes; NaN where the base has no pose."""
+    """Transform points (F, n, 3), mm, of the frames with indices (F,) from the world to the view's axes.
+
+    The result is NaN if the base has no pose.
+    """
     turn = matrix(motion.receiver_quaternion[frames, motion.base])
     origin = motion.receiver_mm[frames, motion.base]
     return np.asarray((world_mm - origin[:, None]) @ turn @ upright(motion).T)
 
 
 def still_frame(motion: HandMotion, skeleton: ShownSkeleton) -> int:
-    """Index of the frame with most valid receivers, the base among them, in which the fingertips are farthest
-    from the base in sum: the hand is open.
+    """Return the index of the frame for a still picture, in which the hand is open.
+
+    Of the frames with most valid receivers, including the base, it is the one with the largest sum of
+    distances of the fingertips from the base.
     """
     valid = np.asarray(np.isfinite(motion.receiver_mm).all(-1))
     counts = np.where(valid[:, motion.base], valid.sum(1), 0)
@@ -236,8 +246,10 @@ def still_frame(motion: HandMotion, skeleton: ShownSkeleton) -> int:
 
 
 def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
-    """The frame with most valid receivers, the base among them, in which the fingertips' ones are farthest
-    from the base in sum: the hand is open, and no finger hides another. None where the base is never valid.
+    """Return the poses of the frame in which the hand is open and no finger hides another.
+
+    Of the frames with most valid receivers, including the base, it is the one with the largest sum of
+    distances of the fingertips' receivers from the base. Returns None if the base is never valid.
     """
     open_pose, best = None, (0, -np.inf)
     for poses in blocks:
@@ -290,7 +302,7 @@ def _skeleton(
 
 
 def _axes(hand: ModelledHand, points: tuple[str, ...]) -> tuple[JointAxis, ...]:
-    """The axis of each joint drawn that has one, in its child receiver's frame."""
+    """Return the axis of each displayed joint that has one, in its child receiver's frame."""
     axes = []
     for joint in hand.layout.solvable:
         row = hand.joints.get(joint.name)

@@ -1,4 +1,4 @@
-"""Which of the study's models to take, and what the first screen and the terminal say: three numbers."""
+"""The study's outcome for the report's first screen and the terminal: three numbers, and a model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from shukotsu.report.table_cells import DASH, format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
-from shukotsu.study.model import the_papers
+from shukotsu.study.model import paper_skeleton
 from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
@@ -25,15 +25,15 @@ ALL_DIGITS = ""
 PRIOR = "prior-only"
 TRUTH, LEFT_OUT, REPLAY = "error_mm", "left_out_mean_mm", "replay_mean_mm"
 METRICS = (TRUTH, "true_tip_mean_mm", LEFT_OUT, REPLAY)
-"""What model_values holds of models, what judges a skeleton best first; a replay's error judges none."""
+"""Metrics in model_values, the best criterion for a skeleton first; a replay's error is not a criterion."""
 
 
 @dataclass(frozen=True)
 class JudgedModels:
-    """One number of the study's models, over all digits.
+    """One metric of the study's models, over all digits.
 
-    values : by model, then by subject. references : of those models that are none of the study's. differences
-    : rows of model_differences.
+    held_out : whether it was computed from held-out recordings. values : by model, then by subject.
+    references : those of the models that are not in the study file. differences : rows of model_differences.
     """
 
     metric: str
@@ -44,12 +44,12 @@ class JudgedModels:
 
     @property
     def judges(self) -> bool:
-        """Whether the number judges a skeleton: by a truth, or by a recording that it has not seen."""
+        """Whether the metric judges a skeleton by the truth, or by a recording that it was not made from."""
         return self.metric not in (LEFT_OUT, REPLAY) or (self.metric == LEFT_OUT and self.held_out)
 
 
 def judged_models(results: StudyResults) -> list[JudgedModels]:
-    """Return the available numbers, in the order of METRICS."""
+    """Return the available metrics in the order of METRICS."""
     judged = []
     for metric in METRICS:
         rows = [
@@ -72,7 +72,7 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
 
 
 def model_to_take(results: StudyResults) -> str:
-    """Return the sentence which says which model to take and why."""
+    """Return a sentence that recommends a model and states why."""
     leading = results.leading
     if results.hands and results.suspect >= {*results.hands}:
         return tr("Resolve the findings first: every hand has one, so no model can be judged.")
@@ -116,11 +116,11 @@ def model_to_take(results: StudyResults) -> str:
 
 
 def _deciding_difference(results: StudyResults, judged: JudgedModels) -> ModelDifferencesRow | None:
-    """Return the difference of the recommended model from the best other one; None without a comparison."""
+    """Return the difference between the recommended model and the best other one, or None if not compared."""
     ours = [row for row in judged.differences if row["model"] == results.leading]
     if not ours:
         return None
-    paper = the_papers(results.models.values())
+    paper = paper_skeleton(results.models.values())
     row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
     if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
         pair = row["other"], row["model"]
@@ -129,7 +129,7 @@ def _deciding_difference(results: StudyResults, judged: JudgedModels) -> ModelDi
 
 
 def taken_model(results: StudyResults) -> str:
-    """Return the model that `model_to_take` names, else the one that pages show first."""
+    """Return the model that `model_to_take` recommends, or else the leading one."""
     judged = next((each for each in judged_models(results) if each.judges), None)
     row = None if judged is None else _deciding_difference(results, judged)
     return results.leading if row is None else str(row["model"])
@@ -151,7 +151,7 @@ def _amount(judged: JudgedModels, model: str, mean: float) -> str:
 
 
 class BigNumber(NamedTuple):
-    """A number with its unit, and what it is of."""
+    """A number with its unit; of : a phrase that states what it is."""
 
     value: str
     unit: str
@@ -159,7 +159,7 @@ class BigNumber(NamedTuple):
 
 
 def used_text(results: StudyResults) -> str:
-    """Write in a sentence how many of the recordings were used, and whether they are simulated."""
+    """Return a phrase that states how many recordings were used and whether they are simulated."""
     statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
     used = [each for each in results.recordings if results.status_of(each)[0] == "used"]
     in_doubt = sum(each.hand in results.suspect for each in used)
@@ -175,7 +175,7 @@ def used_text(results: StudyResults) -> str:
 
 
 def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]:
-    """Return joints believed of all, the typical error of a joint, and hands with a finding."""
+    """Return the number of believed joints, the typical error of a joint, and the number of suspect hands."""
     model = results.leading
     every = [row for row in results.judging.rows.joint_centres if row["model"] == model]
     rows = [row for row in every if row["reason"] != verdict.NOT_WORN]
@@ -204,10 +204,10 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
 
 
 def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow], total: str) -> BigNumber:
-    """Return the median error of joints and of how many, or that none comes from the recordings."""
+    """Return the median stated error of the joints, or a dash if none is derived from recordings."""
     stated = [row for row in rows if row["sd_mm"] is not None]
     if not rows:
-        return BigNumber(DASH, "", tr("there is no typical error, since no joint counts"))
+        return BigNumber(DASH, "", tr("there is no typical error, since no joint is counted"))
     if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):
         return BigNumber(DASH, "", tr("none of {total} has an error from the recordings", total=total))
     typical = tr(
@@ -226,12 +226,12 @@ def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow
 
 
 def hands_counted(results: StudyResults, n: int) -> str:
-    """Number of hands, or of sides of a body where a layout is not of a hand."""
+    """Return the number of hands as text, or of sides of a body if a layout is not of a hand."""
     return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
 
 
 def numbers_texts(results: StudyResults) -> list[str]:
-    """Return the numbers, a sentence each."""
+    """Return the three numbers as sentences."""
     return [
         tr("{value} {unit} {of}.", **number._asdict())
         if number.unit
@@ -241,11 +241,11 @@ def numbers_texts(results: StudyResults) -> list[str]:
 
 
 WIDTH, MOST_PROBLEMS = 79, 3
-"""Columns of a terminal, and as many problems as it shows."""
+"""Width of the text on a terminal, and the largest number of problems listed there."""
 
 
 def outcome_text(results: StudyResults) -> str:
-    """Return the study's numbers and sentences as plain text, then the gravest problems."""
+    """Return the study's outcome as plain text: numbers, recommendation, and the most severe problems."""
     problems = all_problems(results)
     lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
     lines += filter(None, [care_line(results), next_step(results)])

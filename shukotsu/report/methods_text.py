@@ -1,6 +1,6 @@
-"""Methods text to paste into a manuscript, in English: what was recorded, computed, compared and tested.
+"""Methods section for a manuscript, in English: what was recorded, computed, compared and tested.
 
-It is made from the study's files alone and states no results.
+It is derived from the study's files and states no results.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ REFERENCES = (
 
 
 def methods_text(results: StudyResults, movement: StudyMovement | None = None) -> list[str]:
-    """Return the paragraphs, in the past tense; on movement where any was measured."""
+    """Return the paragraphs, in the past tense, including one on movement if any was measured."""
     moved = [movement_paragraph(movement)] if movement is not None and len(movement.ranges) else []
     return [
         _describe_recordings(results),
@@ -42,7 +42,7 @@ def methods_text(results: StudyResults, movement: StudyMovement | None = None) -
         _describe_comparison(results),
         *moved,
         f"All computations were made with Shukotsu {VERSION}; configuration, versions and the SHA-256 of "
-        "every input file stand in the study's tables.",
+        "every input file are recorded in the study's tables.",
     ]
 
 
@@ -85,7 +85,7 @@ def _describe_recordings(results: StudyResults) -> str:
 
 
 def _describe_mapping(path: Path) -> str:
-    """Units and convention of a mapping; empty where it cannot be read."""
+    """Return the units and conventions of a mapping, or an empty string if it cannot be read."""
     try:
         mapping = read_mapping(path)
     except InputError:
@@ -96,7 +96,7 @@ def _describe_mapping(path: Path) -> str:
 
 
 def _describe_models(results: StudyResults) -> str:
-    """Describe the models; the thumb is left out where no layout has one."""
+    """Describe the models; their descriptions are shortened if no layout has a thumb."""
     thumb = any("thumb" in layout.digits for layout in results.layouts.values())
     text = (
         "Joint centres were found from the relative motion of the receivers beside each joint [1–3], under "
@@ -128,7 +128,7 @@ def _describe_comparison(results: StudyResults) -> str:
 
 
 def movement_paragraph(movement: StudyMovement) -> str:
-    """Describe how movement was measured and compared: filters, statistics, n."""
+    """Describe how movement was measured and compared: filters, statistics and number of subjects."""
     subjects = _count(movement.ranges["subject"].nunique(), "subject")
     text = (
         f"Movement was measured in {subjects} by joint angles under {movement.model}. The range of motion is "
@@ -139,8 +139,8 @@ def movement_paragraph(movement: StudyMovement) -> str:
         tests = ", ".join(sorted(filter(None, movement.differences["test"].unique())))
         text += (
             " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-            f"{tests or 'none, for want of subjects'}; two-sided. A difference counts as shown where p is at "
-            "most 5 % after Holm's correction over all quantities, joint angles, hands and tasks of two "
+            f"{tests or 'none, too few subjects'}; two-sided. A difference counts as shown if p is at most "
+            "5 % after Holm's correction over all quantities, joint angles, hands and tasks of two "
             "levels; 95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
             "corrected for few subjects."
         )

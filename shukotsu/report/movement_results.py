@@ -1,4 +1,4 @@
-"""Read the study's tables of movement under one model, curves over cycles, and how groups differ in them."""
+"""Movement results for the report: tables under one model, curves over cycles, and differences of factors."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import MovementDifferencesRow
 
 RANGE = "range_deg"
-"""The quantity that is drawn; all others are in tables."""
+"""The quantity shown in figures; the others are in tables."""
 OF_ANGLE = ["joint", "angle"]
 SUBJECT = ["subject", "session", "hand"]
 _MOST_REASONS = 3
@@ -53,9 +53,9 @@ _MOST_REASONS = 3
 
 @dataclass(frozen=True)
 class Curve:
-    """An angle over the cycle: mean and standard deviation, deg, and of how many cycles or subjects they are.
+    """An angle over the cycle: mean and standard deviation, deg, over n cycles or subjects.
 
-    Each (101,), by percent; mean and standard deviation NaN where there is none.
+    Each has the shape (101,), by percent of the cycle; mean and standard deviation are NaN if undefined.
     """
 
     mean_deg: npt.NDArray[np.float64]
@@ -78,7 +78,7 @@ def recording_curves(
 
 
 def why_no_curves(results: StudyResults, recording: Recording, model: str) -> str:
-    """Return in a sentence why a recording has no curves over cycles under a model."""
+    """Return a sentence that states why a recording has no curves over cycles under a model."""
     cycles = results.hand_rows(MOVEMENT_CYCLES, recording.hand)
     mine = [row for row in cycles if row_key(row) == recording_key(recording)]
     if not mine:
@@ -100,12 +100,12 @@ def why_no_curves(results: StudyResults, recording: Recording, model: str) -> st
 
 @dataclass(frozen=True)
 class StudyMovement:
-    """A study's movement under one model, hands with a suspect finding left out.
+    """A study's movement under one model, without hands with a suspect finding.
 
-    ranges : a row a recording and angle. curves : rows of cycle_curves, of flexion in evaluated recordings.
-    differences, reliability : of that model. believed : one of BELIEFS by joint. measured : whether any
-    recording has joint angles, counted or not. tasks : in the order in which they are shown, with whether
-    each only calibrates. A frame without rows is that of a table that is empty or not there.
+    ranges : one row per recording and angle. curves : rows of cycle_curves, for flexion in evaluated
+    recordings. differences, reliability : rows of that model. believed : displayed verdict by joint. measured
+    : whether any recording has joint angles, including those of suspect hands. tasks : tasks in the order of
+    display, each with whether it is used for calibration only. Tables that are empty or missing have no rows.
     """
 
     model: str
@@ -119,17 +119,14 @@ class StudyMovement:
 
     @cached_property
     def subject_means(self) -> pd.DataFrame:
-        """Range of motion, deg, by task, joint, angle and subject: means over trials, sessions, then hands.
-
-        Nothing is averaged over tasks.
-        """
+        """Range of motion, deg, by task, joint, angle and subject: mean over trials, sessions and hands."""
         return _means_by_subject(self.ranges, ["task", *OF_ANGLE], RANGE)
 
     def level_curves(self, level_of: Mapping[str, str]) -> dict[tuple[str, str], dict[str, dict[str, Curve]]]:
-        """Return curves over subjects, by task and event, joint and level: of each subject's own mean cycle.
+        """Return curves over subjects' mean cycles, by task and event, joint and level.
 
-        level_of : by subject; a subject without a level is in none. Of a task's events those that most
-        subjects have.
+        level_of : level by subject; subjects without a level are left out. Only the MOST_EVENTS events of a
+        task that most subjects have are included.
         """
         means = _means_by_subject(self.curves, ["task", "event", "joint", "cycle_percent"], "mean_deg")
         means = means.assign(level=means["subject"].map(dict(level_of))).dropna(subset=["level", "mean_deg"])
@@ -150,7 +147,7 @@ class StudyMovement:
 
 
 def _means_by_subject(numbers: pd.DataFrame, of: Sequence[str], value: str) -> pd.DataFrame:
-    """Means by subject and the columns `of`: over trials, sessions, then hands."""
+    """Return means over trials, then sessions, then hands, by subject and the columns `of`."""
     whose = [*of, "subject", "hand", "session"]
     for _ in range(3):
         numbers = numbers.groupby(whose, sort=False)[value].mean().reset_index()
@@ -159,9 +156,9 @@ def _means_by_subject(numbers: pd.DataFrame, of: Sequence[str], value: str) -> p
 
 
 def read_movement(results: StudyResults) -> StudyMovement:
-    """Read the study's tables of movement under the leading model; InputError where one is another table.
+    """Read the study's tables of movement under the leading model, without suspect hands.
 
-    Ranges are of hands that count in statistics, in recordings that calibrate as well.
+    Ranges include those of calibration recordings. Raises InputError if a file is not the expected table.
     """
     model = results.leading
     measured = movement_table(results, RANGES_OF_MOTION, model)
@@ -193,7 +190,7 @@ def read_movement(results: StudyResults) -> StudyMovement:
 
 
 def movement_table(results: StudyResults, table: Table, model: str, angle: str = "") -> pd.DataFrame:
-    """The table's rows of a model, and an angle; none where the study has no such table."""
+    """Return a table's rows of a model and, if given, of an angle; no rows if the study has no such table."""
     names = [column.name for column in table.columns]
     path = results.paths.study_table(table.name)
     if not path.is_file():
@@ -205,7 +202,7 @@ def movement_table(results: StudyResults, table: Table, model: str, angle: str =
 
 
 MOST_SHOWN, MOST_DRAWN = 8, 4
-"""Numbers of a factor that are in its table, and in its figure, beside those that the study file names."""
+"""Largest numbers of quantities in a factor's table and in its figures, besides those in the study file."""
 _LABELS = {
     "range_deg": N_("Range of motion"),
     "full_range_deg": N_("Full range"),
@@ -221,7 +218,7 @@ _QUANTITIES = {quantity.name: quantity for quantity in QUANTITIES}
 
 @dataclass(frozen=True)
 class DrawnDifference:
-    """A number at two levels or more, by level and then subject. paired : whether subjects have them all."""
+    """A quantity's values by level, then subject; paired : whether each subject has a value at all levels."""
 
     title: str
     axis: str
@@ -231,7 +228,7 @@ class DrawnDifference:
 
 @dataclass(frozen=True)
 class ComparedFactor:
-    """A factor: its levels, the reason why it is not compared (or empty), its table and its figures."""
+    """A factor: its levels, the reason if it is not compared (else empty), its table and its figures."""
 
     name: str
     levels: str
@@ -241,7 +238,7 @@ class ComparedFactor:
 
 
 def compared_factors(results: StudyResults, study: Study, movement: StudyMovement) -> list[ComparedFactor]:
-    """Return every factor of the study file, in its order, with its table and figures."""
+    """Return the factors of the study file, in its order, each with its table and figures."""
     if not study.factors:
         return []
     problems = pd.DataFrame(results.rows.problems, columns=["subject", "session", "hand", "severity"])
@@ -258,15 +255,18 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
         reason = reasons.get(factor, "")
         if not rows and not reason:
             reason = tr("no hand and task has numbers at two of its levels, so nothing is compared")
-        known = [row for row in rows if row["difference"] is not None][: MOST_DRAWN + len(asked)]
-        drawn = tuple(_drawn(results, everything, movement.model, row) for row in known)
+        measured = [row for row in rows if row["difference"] is not None][: MOST_DRAWN + len(asked)]
+        drawn = tuple(_drawn(results, everything, movement.model, row) for row in measured)
         table = _table(factor, rows, asked) if rows else None
         factors.append(ComparedFactor(factor, listed(levels), reason, table, drawn))
     return factors
 
 
 def subject_groups(study: Study) -> dict[str, str]:
-    """Return each subject's level of the study's first factor between subjects; of all '' without one."""
+    """Return each subject's level of the first compared factor that is constant within subjects.
+
+    Without such a factor, every level is an empty string.
+    """
     if not study.factors:
         return dict.fromkeys(study.subjects, "")
     rows, skipped = factor_levels(study), not_compared(study)
@@ -278,7 +278,7 @@ def subject_groups(study: Study) -> dict[str, str]:
 
 
 def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[Any]:
-    """Return rows of movement_differences: those that the study file names, then those that differ most."""
+    """Return rows of movement_differences: those that the study file names, then the largest differences."""
     rows = movement.differences[movement.differences["factor"] == factor]
     named = (rows["quantity"] + " " + rows["of"]).isin(asked).to_numpy(bool)
     doubted = {joint for joint, shown in movement.believed.items() if shown == NOT}
@@ -294,7 +294,7 @@ def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[
 
 
 def _title(row: Mapping[str, Any]) -> str:
-    """Write what a row compares, in words: the quantity and whose it is."""
+    """Return what a row compares in words: the quantity, and its joint, angle or digit."""
     of = ", ".join(word(part) for part in str(row["of"]).split(" "))
     return f"{_axis(row)}, {of}"
 
@@ -304,7 +304,7 @@ def _axis(row: Mapping[str, Any]) -> str:
 
 
 def _table(factor: str, rows: Sequence[MovementDifferencesRow], asked: Sequence[str]) -> DataTable:
-    """Tabulate the rows, a block for every two levels."""
+    """Return a table of the rows, with a block for each pair of levels."""
     blocks = []
     for pair in dict.fromkeys((row["level"], row["other_level"]) for row in rows):
         of_level = tr("n, mean ± SD")
@@ -341,13 +341,13 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 def _drawn(
     results: StudyResults, everything: RecordingLevels, model: str, row: MovementDifferencesRow
 ) -> DrawnDifference:
-    """Return every subject's number at the row's two levels: those that its means are of."""
+    """Return the subjects' values at the row's two levels, from which its means are computed."""
     quantity, factor = _QUANTITIES[row["quantity"]], row["factor"]
     numbers = numbers_of(quantity, movement_table(results, quantity.table, model), everything.counted)
     means = subject_means(numbers[numbers["of"] == row["of"]], factor, ["hand", "task"])
     wide = means.unstack("level").reset_index()
-    for place in ("hand", "task"):
-        wide = wide[(wide[place] == row[place]) | (place == factor)]
+    for column in ("hand", "task"):
+        wide = wide[(wide[column] == row[column]) | (column == factor)]
     by_subject = wide.groupby("subject", sort=False)[[row["level"], row["other_level"]]].mean()
     paired = row["design"] == WITHIN
     both = by_subject.notna().all(axis=1)

@@ -1,4 +1,4 @@
-"""Summary beside the numbers: joints to take with care and why, and the action that helps most."""
+"""Sentences of the summary: which joints to take with care and why, and which action would help most."""
 
 from __future__ import annotations
 
@@ -17,26 +17,29 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow
 
 MOST_REASONS = 3
-"""Most reasons in a line."""
+"""Largest number of reasons in a sentence."""
 
 _MOVEMENTS = {
     "thumb_cmc": N_("record large circles of the thumb, from its base, for 10 s"),
     "thumb_(mcp|ip)": N_("bend and straighten the thumb alone for 10 s"),
     "(index|middle|ring|little)_(mcp|pip|dip)": N_("bend and straighten the {digit} finger alone for 10 s"),
 }
-"""By joints: the movement of a recording in which these joints are seen better."""
+"""Movement to record to determine joints better, by a pattern of the joints' names."""
 _MOVED_MORE = (verdict.MOVED_LITTLE, verdict.UNCERTAIN, verdict.ONE_WAY, verdict.AXIS)
 _WORN_MORE = (verdict.NO_POSE, verdict.ONE_RECEIVER)
 
 
 def doubted_joints(results: StudyResults) -> list[JointCentresRow]:
-    """Return rows of worn joints under the leading model, of hands that count, that are not believed."""
+    """Return the rows of joints that are not believed, under the leading model.
+
+    Joints without a receiver and joints of suspect hands are left out.
+    """
     rows = (row for row in results.judging.rows.joint_centres if row["model"] == results.leading)
     return [row for row in rows if row["verdict"] != verdict.BELIEVE and row["reason"] != verdict.NOT_WORN]
 
 
 def care_line(results: StudyResults) -> str:
-    """Return which joints are to be taken with care and why, the commonest reason first; empty for none."""
+    """Return a sentence on the joints to take with care and why, the most frequent reason first, or ""."""
     of_reason: dict[str, list[JointCentresRow]] = defaultdict(list)
     for row in doubted_joints(results):
         of_reason[row["reason"]].append(row)
@@ -54,9 +57,9 @@ def care_line(results: StudyResults) -> str:
 
 
 def next_step(results: StudyResults) -> str:
-    """Return the action that would improve the joints most, in words of the hand; empty where none is known.
+    """Return a sentence on the action that would improve the joints most, or an empty string.
 
-    Actions are weighted by how far, in mm, the joints that they improve exceed the error wanted.
+    Actions are ranked by the sum, over the joints that they improve, of the error in excess of `wanted_mm`.
     """
     if results.suspect:
         return tr("Next: put right what was found in the recordings, and run again.")
@@ -84,7 +87,7 @@ def next_step(results: StudyResults) -> str:
 
 
 def _action(row: JointCentresRow, doubts: verdict.Doubts, is_measured: bool) -> str:
-    """Return the remedy for a joint with these doubts; empty where there is none."""
+    """Return the remedy for a joint with these doubts, or an empty string if none is known."""
     for kind, values in doubts.items():
         segments: Any = values.get("segments")
         if kind in _WORN_MORE and segments:

@@ -1,10 +1,10 @@
 """The report's colours: one list for digits and one for models, in pages, plots, the 3-D view and print.
 
-The digits' hues follow M. Okabe and K. Ito, Color Universal Design (2008), without the yellow, too pale on
-white; the models' were searched to be far from each other and from those; a test says how far apart they are
-to colour-blind readers. Every hue has a value for a light and one for a
-dark page. Print figures and page pictures are drawn with the light values; in a page every light value
-becomes the CSS custom property of its hue, so a picture follows the theme.
+The digits' hues are those of M. Okabe and K. Ito, Color Universal Design (2008), without yellow, which is too
+pale on white. The models' hues were chosen by a search to be distinct from each other and from the digits'; a
+test checks how distinct they are for colour-blind readers. Every hue has a value for light pages and one for
+dark pages. Figures are drawn with the light values; in a page each light value is replaced by the CSS custom
+property of its hue, so that pictures follow the page's theme.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ HUES: dict[str, tuple[str, str]] = {
     "error5": ("#a63a0a", "#c4501c"),
     "error6": ("#8a8d94", "#8b8d94"),
 }
-"""By name: the colour on a light page and in print, and on a dark page. error0 to error6: classes of mm."""
+"""Colours by name, on light pages and in print, and on dark pages; error0 to error6 are classes of errors."""
 
 DIGIT_HUES = ("vermilion", "blue", "green", "pink", "sky")
 MODEL_HUES = ("umber", "indigo", "moss", "rose", "violet", "ink", "forest")
-"""Colours of models; none is a digit's colour."""
+"""Colours of models, none of which is a digit's colour."""
 AXIS_HUES = ("vermilion", "green", "blue")
 """Colours of a receiver's x, y and z."""
 
@@ -63,8 +63,9 @@ MARK_PATHS = {
     "*": "M0 -4.4L1.1 -1.5L4.2 -1.4L1.8 0.6L2.6 3.6L0 1.9L-2.6 3.6L-1.8 0.6L-4.2 -1.4L-1.1 -1.5z",
     "p": "M0 -3.8L3.6 -1.2L2.2 3.1L-2.2 3.1L-3.6 -1.2z",
 }
-"""Marks of models and digits, the commonest first: matplotlib's letter, and the outline of the linked plots'.
-With 7 hues, 77 models differ in one or the other.
+"""Markers of models and digits in order of use: matplotlib's letter, and an SVG path for the linked plots.
+
+Together with 7 hues they distinguish 77 models.
 """
 MARKERS = tuple(MARK_PATHS)
 
@@ -81,7 +82,7 @@ PRINT_ON_PAPER = {
     "rule": "#bbbbbb",
     "shade": "#f4f4f4",
 }
-"""What a page changes on top of the light values when it is printed."""
+"""Colours that replace the light values when a page is printed."""
 
 
 class PlotMark(NamedTuple):
@@ -93,34 +94,34 @@ class PlotMark(NamedTuple):
 
 
 class Look(NamedTuple):
-    """One model's (or digit's) colour and marker; the markers are distinct in grey too."""
+    """Colour and marker of a model or digit; markers are distinct even without colour."""
 
     colour: str
     marker: str
 
     @property
     def size(self) -> float:
-        """The marker's size in pt: those with thin arms are drawn larger."""
+        """The marker's size, pt; markers with thin arms are drawn larger."""
         return 5.5 if self.marker in "PX*" else 4.0
 
 
 def model_looks(names: Sequence[str]) -> dict[str, Look]:
-    """Every model's look by its place in the study, the same in all pictures of it."""
+    """Return each model's look by its position in the study, the same in all of the study's pictures."""
     return _looks(names, MODELS)
 
 
 def digit_looks(names: Sequence[str]) -> dict[str, Look]:
-    """Every digit's look by its place in the layout."""
+    """Return each digit's look by its position in the layout."""
     return _looks(names, DIGITS)
 
 
 def level_looks(levels: Iterable[str]) -> dict[str, Look]:
-    """Every level's look by its place among a factor's."""
+    """Return each level's look by its position among a factor's levels."""
     return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
 
 
 def css() -> str:
-    """The custom properties of every page, six hexadecimal digits each (viewer.js reads them)."""
+    """Return the CSS custom properties of every page; colours have six hex digits, for viewer.js."""
     light, dark = ({name: pair[theme] for name, pair in HUES.items()} for theme in (0, 1))
     lists = {
         f"{kind}{index}": f"var(--{hue})"
@@ -135,7 +136,7 @@ def css() -> str:
 
 
 def as_custom_property(colour: str) -> str:
-    """A light value as the custom property of its hue; other colours unchanged."""
+    """Return the custom property of the hue with this light value, or another colour unchanged."""
     name = _NAMES.get(colour.lower())
     return f"var(--{name})" if name else colour
 

@@ -1,4 +1,4 @@
-"""List the recordings, problems with them, and requests of the study that were not met."""
+"""Lists of the recordings and of all problems."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STATUS_MARKS = {"used": "", "excluded": "○ ", "failed": "✕ ", "missing": "? 
 
 
 def recordings_table(results: StudyResults) -> DataTable:
-    """Tabulate every recording of the sheet and what became of it."""
+    """Return a table of all recordings of the sheet with their status."""
     texts = {
         "file": tr("File"), "subject": tr("Subject"), "session": tr("Session"), "hand": tr("Hand"),
         "task": tr("Task"), "trial": tr("Trial"), "role": tr("Role"), "shown": tr("Status"),
@@ -40,8 +40,10 @@ def recordings_table(results: StudyResults) -> DataTable:
 
 @dataclass(frozen=True)
 class ListedFault:
-    """A fault as pages list it. where : its recording, or how many have it. places : those of several.
-    evidence : what shows it in each of them.
+    """A fault as listed on pages.
+
+    where : its recording, or the number of recordings with it. places : these recordings, if there are
+    several. evidence : the evidence for it in each of them.
     """
 
     where: str
@@ -52,7 +54,7 @@ class ListedFault:
 
 
 def faults_listed(rows: Sequence[ProblemsRow]) -> list[ListedFault]:
-    """Return findings by fault, each with the recordings that have it."""
+    """Group findings by fault; return each fault with the recordings that have it."""
     listed = []
     for fault in faults(rows):
         of_rows = (": ".join(filter(None, (where(seen.row), seen.what))) for seen in fault.seen)
@@ -70,9 +72,9 @@ _GRAVITY = ("suspect", "refused", "note")
 
 
 def all_problems(results: StudyResults) -> list[ListedFault]:
-    """Return all findings to resolve and all requests of the study that failed, the gravest first.
+    """Return all findings to resolve and all other problems, the most severe first.
 
-    Recordings that were not used for a reason that is not among the problems come last, one item a reason.
+    Recordings that were not used for a reason that is not among the problems come last, one item per reason.
     """
     apart = {id(row) for row in (*results.findings, *results.accepted)}
     others = [row for row in results.rows.problems if id(row) not in apart]
@@ -97,7 +99,7 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
 
 
 def where(problem: ProblemsRow) -> str:
-    """Name in words what a row of problems is about."""
+    """Return what a row of problems is about, in words."""
     names = (
         str(hand_of(problem).who) if problem["subject"] else "",
         tr("{hand} hand", hand=problem["hand"]) if problem["hand"] else "",

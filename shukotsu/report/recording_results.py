@@ -1,6 +1,4 @@
-"""Read what a page or a print figure of one recording is made from: its motion, errors and angles under each
-model.
-"""
+"""Input of the pages and print figures of one recording: its motion, errors and angles under each model."""
 
 from __future__ import annotations
 
@@ -26,7 +24,7 @@ from shukotsu.report.hand_motion import (
     view_base,
 )
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
-from shukotsu.study.model import the_papers
+from shukotsu.study.model import paper_skeleton
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
 from shukotsu.tables.parts import Part, read_part
@@ -42,9 +40,10 @@ _ANGLE_COLUMNS = [f"{angle}_{what}" for what in ("deg", "sd_deg") for angle in A
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Angles under one model at the T frames that are shown: (T, J, 3) as ANGLES, of joints (J,).
+    """Angles of J joints under one model in the T displayed frames.
 
-    sd_deg : their stated 1-sigma errors, (T, J, 3), NaN where none is stated.
+    angle_deg : (T, J, 3), in the order of ANGLES. sd_deg : (T, J, 3), their 1-sigma errors, NaN if not
+    stated.
     """
 
     model: str
@@ -55,9 +54,10 @@ class JointAngles:
 
 @dataclass(frozen=True)
 class ModelResults:
-    """Results of one model for the hand and the recording; angles is None unless it fits the whole hand.
+    """Results of one model for a recording.
 
-    joints, solutions : rows of joint_centres and joint_solutions. tip_errors : this recording's rows.
+    joints, solutions : the hand's rows of joint_centres and joint_solutions. tip_errors : the recording's
+    rows. angles : None unless the model fits the whole hand.
     """
 
     name: str
@@ -69,10 +69,10 @@ class ModelResults:
 
 @dataclass(frozen=True)
 class RecordingResults:
-    """One recording of a study; row is what the recordings table says of it.
+    """Results of one recording of a study.
 
-    models : those with results, in the study's order. left_out : the others and why. motion : None where
-    nothing can be shown; trouble then says why and is else empty.
+    row : its row of the recordings table. models : models with results, in the study's order. left_out : the
+    other models and why. motion : None if nothing can be shown. trouble : the reason for that, or empty.
     """
 
     study: StudyResults
@@ -85,10 +85,10 @@ class RecordingResults:
 
 
 def read_recording(results: StudyResults, recording: Recording) -> RecordingResults:
-    """Read what belongs to the recording, its motion thinned to MOST_FRAMES.
+    """Read the results of a recording, with its motion thinned to MOST_FRAMES.
 
-    A model whose tables are absent, unreadable, empty or failed is left out with the reason; likewise all
-    motion if the poses are.
+    A model whose tables are missing, unreadable, empty or failed is left out with the reason. If the poses
+    are missing or unreadable, the motion is left out with the reason.
     """
     row = results.recording_row_of.get(recording_key(recording), {"status": "missing", "message": ""})
     models: dict[str, ModelResults] = {}
@@ -113,7 +113,7 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
     if row["status"] == "failed":
         trouble = row["message"]
     elif skeletons and poses is not None:
-        paper = the_papers(results.models[skeleton.model] for skeleton in skeletons)
+        paper = paper_skeleton(results.models[skeleton.model] for skeleton in skeletons)
         layout = results.layouts[recording.hand]
         try:
             motion = hand_motion(recording.hand.hand, layout, poses, skeletons, paper, max(1, every))
@@ -124,9 +124,9 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
 
 
 def read_still(results: StudyResults, recording: Recording, model: str) -> HandMotion:
-    """Read the hand under a model in the one frame that a still picture shows.
+    """Read the hand under a model in the frame that a still picture shows.
 
-    Raises InputError where the recording has no frame to show.
+    Raises InputError if the recording has no frame to show.
     """
     layout, path = results.layouts[recording.hand], results.poses(recording)
     name = path.relative_to(results.paths.folder).as_posix()
@@ -141,13 +141,13 @@ def read_still(results: StudyResults, recording: Recording, model: str) -> HandM
 
 
 STRETCH_S, STRETCH_HZ = 6.0, 30.0
-"""How long a hand is shown in motion on the study's page, and with how many frames a second."""
+"""Duration and frame rate of the hand in motion on the study's page."""
 
 
 def read_stretch(results: StudyResults, recording: Recording, model: str) -> HandMotion:
-    """Read the hand under one model over the stretch of the recording in which its fingertips move most.
+    """Read the hand under one model during the STRETCH_S of the recording in which its fingertips move most.
 
-    Raises InputError where the recording or the model has nothing to show.
+    Raises InputError if the recording or the model has nothing to show.
     """
     reader, layout = _reader(results, recording, model), results.layouts[recording.hand]
     poses = reader.poses(-(-reader.n_frames // MOST_FRAMES))
@@ -166,9 +166,9 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
 
 
 def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
-    """Return readers of the angles of each joint and their errors, (T, 6), under a model that fits the hand.
+    """Return functions that read each joint's angles and their errors (T, 6), deg, under a whole-hand model.
 
-    Raises InputError where the recording has none.
+    Raises InputError if the recording has none.
     """
     return _reader(results, recording, model).series(JOINT_ANGLES, _ANGLE_COLUMNS)
 
@@ -176,8 +176,9 @@ def read_angles(results: StudyResults, recording: Recording, model: str) -> dict
 def read_tip_errors(
     results: StudyResults, recording: Recording, model: str
 ) -> dict[str, Callable[[], Array]]:
-    """Return readers of the replay's tip error (T, 1) by digit, mm, NaN in gaps; InputError where there is
-    none.
+    """Return functions that read each digit's tip error in the replay (T, 1), mm, NaN in gaps.
+
+    Raises InputError if the recording has none.
     """
     return _reader(results, recording, model).series(TIPS, ["error_mm"])
 
@@ -219,7 +220,7 @@ def _model_results(results: StudyResults, reader: RecordingReader, poses: Poses 
 def _skeleton(
     results: StudyResults, reader: RecordingReader, poses: Poses, *, still: bool = False
 ) -> ShownSkeleton:
-    """Return one model's motion at the frames of poses; a still picture has no tip errors."""
+    """Return one model's skeleton in the frames of `poses`; a still picture has no tip errors."""
     key = reader.recording.hand, reader.model.name
     layout, model = reader.layout, reader.model
     model_index = list(results.models).index(model.name)
@@ -230,7 +231,7 @@ def _skeleton(
             errors = reader.numbers_at(TIPS, ["error_mm"], poses.frame)
         except InputError:
             if not reader.is_fitted:
-                raise  # a fitted hand is posed, and shown, without a replay too
+                raise  # a fitted hand can be shown without a replay
     nothing = np.full((len(poses.frame), 1), np.nan)
     replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
     modelled = ModelledHand(layout, model, model_index, joints, replayed)

@@ -1,7 +1,7 @@
-"""Scores of the skeletons in one evaluated task, of simulated hands how far they are from the true ones, and
-the paper's Tables 1 to 4: as printed, and as the study has them, in one layout.
+"""Tables of scores of the skeletons in an evaluated task, of errors against the truth of simulated hands, and
+the paper's Tables 1 to 4, as printed and for the study, in the same layout.
 
-A row of scores is of a reference, or of a model made from certain tasks: a model has a row a set of tasks.
+A row of scores belongs to a reference, or to a model that was made from a certain set of tasks.
 Saito, Mitobe, Suzuki, Yoshimura, "Modeling of Hand Skeletal Structure from Magnetic Motion Capture Data",
 section 6.
 """
@@ -51,19 +51,21 @@ MEANS = (
     "true_tip_mean_mm",
 )  # fmt: skip
 LEFT_OUT = "left_out_mean_mm"
-"""A replay never uses the distal receivers' positions: without a posed hand this is the replay's, and stands
-in its column alone.
+"""Error at fingertip receivers that were left out.
+
+A replay never uses the distal receivers' positions, so for skeletons that are not fitted this equals the
+replay's error and is shown only in that column.
 """
 
 
 FAR_MM = 5.0
-"""Error beyond which a joint is useless: half the breadth of a finger's bone."""
+"""Error beyond which a joint is useless, half the breadth of a finger's bone."""
 
 HALVES_WITHIN_95 = ("within_95", "parent_within_95")
 
 
 class SkeletonLabel(NamedTuple):
-    """A model with the tasks that it was made from, or a reference, which was made from none."""
+    """A model with the tasks that it was made from, or a reference, which is not made from any."""
 
     model: str
     calibrated_on: str
@@ -77,7 +79,7 @@ Scored = tuple[SkeletonLabel, list[Mapping[str, Any]]]
 
 
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
-    """Return the scores of one subject's task, means over digits and hands; None where it has none.
+    """Return a table of scores in one subject's task, means over digits and hands, or None without scores.
 
     Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
     """
@@ -108,7 +110,7 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
 
 
 def _scored(results: StudyResults, rows: Iterable[Mapping[str, Any]]) -> list[Scored]:
-    """Return the rows of each skeleton: held-out ones, in-sample ones, references, in the study's order."""
+    """Group rows by skeleton: held-out ones, then in-sample ones, then references, in the study's order."""
     order = {name: index for index, name in enumerate(results.models)}
     groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
     for row in rows:
@@ -143,7 +145,7 @@ def _is_known(name: str, row: Mapping[str, Any]) -> bool:
 
 
 def mean(values: Iterable[float | None]) -> float | None:
-    """Return the mean of the values that are not None; None where there are none."""
+    """Return the mean of the values that are not None, or None if there are none."""
     numbers = [value for value in values if value is not None]
     return sum(numbers) / len(numbers) if numbers else None
 
@@ -151,7 +153,7 @@ def mean(values: Iterable[float | None]) -> float | None:
 def _shortfalls(
     results: StudyResults, trial: Trial, scored: Sequence[Scored], names: Sequence[str]
 ) -> list[str]:
-    """Return which skeletons' means are over fewer digits than the task has, and why; a reason once."""
+    """Return notes on skeletons whose means include fewer digits than the task has, with the reasons."""
     total = sum(len(results.layouts[r.hand].digits) for r in trial.recordings.values())
     models_of: dict[str, dict[str, None]] = defaultdict(dict)
     for skeleton, rows in scored:
@@ -166,7 +168,7 @@ def _shortfalls(
 
 
 def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
-    """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
+    """Return a table of errors of a subject's joints by skeleton, or None if the truth is unknown."""
     scored = _scored(results, (row for row in results.rows.joint_errors if hand_of(row).who == who))
     if not scored:
         return None
@@ -210,15 +212,15 @@ def _sizes(scored: Scored, name: str) -> list[float]:
 
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
-"""A row a table, hand and statistic, a column a digit: centimetres, digit by digit as printed."""
+"""File of the printed numbers, cm: a row per table, hand and statistic, and a column per digit."""
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
 STATISTICS = {"max": N_("Max"), "min": N_("Min"), "mean": N_("Average"), "sd": N_("Standard Deviation")}
-"""As the paper heads its rows, which are in centimetres."""
+"""Row headings as in the paper; its values are in centimetres."""
 
 
 def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> DataTable:
-    """Return the study's table for one subject and task, first-frame binding, in the paper's layout, cm."""
+    """Return the study's table for a subject and task, first-frame binding, in the paper's layout, cm."""
     blocks, notes = [], []
     for recording in trial.recordings.values():
         digits = tuple(results.layouts[recording.hand].digits)
@@ -249,7 +251,7 @@ def _printed_numbers() -> dict[tuple[int, str, str], tuple[str, ...]]:
 
 
 def printed_table(table: int) -> DataTable:
-    """Return one of the paper's Tables 1 to 4, as printed, cm."""
+    """Return one of the paper's Tables 1 to 4 as printed, cm."""
     blocks = (
         RowBlock(
             _header(hand, PAPER_DIGITS),
@@ -264,20 +266,20 @@ def printed_table(table: int) -> DataTable:
 
 
 def table_title(model: SkeletonModel) -> str:
-    """Return a model's name, with the number of the paper's table where the paper has it."""
+    """Return a model's name, preceded by the number of its table if it is in the paper."""
     if model.paper_table is None:
         return model.name
     return tr("Table {n}: {name}", n=model.paper_table, name=model.name)
 
 
-def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
+def has_the_papers_digits(results: StudyResults, trial: Trial) -> bool:
     """Return whether the trial's layouts have the digits of the paper's tables."""
     layouts = (results.layouts[recording.hand] for recording in trial.recordings.values())
     return all(tuple(layout.digits) == PAPER_DIGITS for layout in layouts)
 
 
 def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
-    """Return mean and 95th percentile of the tip error, mm, least-squares binding, by hand, model, digit."""
+    """Return a table of tip errors with least-squares binding, mean and p95 by hand, model and digit, mm."""
     blocks = []
     for hand, recording in trial.recordings.items():
         digits = tuple(results.layouts[recording.hand].digits)
@@ -299,7 +301,7 @@ def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _notes(results: StudyResults, recording: Recording, rows: Mapping[str, TipErrorsRow | None]) -> list[str]:
-    """Return why cells are empty or doubtful, a line a reason, and how many frames the numbers rest on."""
+    """Return notes on why cells are empty or doubtful, and on the number of frames behind the values."""
     reasons: dict[str, list[str]] = defaultdict(list)
     status, message = results.status_of(recording)
     for digit, row in rows.items():

@@ -1,4 +1,4 @@
-"""Tables of a hand: how long each bone is, where the receivers sit, how far each joint moved."""
+"""Tables of a hand: bone lengths, positions of receivers on their bones, and ranges of motion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 
 
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
-    """Tabulate the bone lengths of a hand, mm, a column a model; a bone is named after its segment."""
+    """Return a table of a hand's bone lengths, mm, one column per model; bones are named by segment."""
     of_models = {model: _named_bones(results, hand, model) for model in results.models}
     names = _in_order(results, {name for bones in of_models.values() for name in bones})
     rows = tuple((name, *(_length(bones.get(name)) for bones in of_models.values())) for name in names)
@@ -56,7 +56,7 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
 
 
 def lengths_table(results: StudyResults, model: str) -> DataTable:
-    """Tabulate the bone lengths of all hands, mm: a row a hand, a column a bone, with verdicts."""
+    """Return a table of bone lengths, mm: a row per hand, a column per bone, with verdicts."""
     of_hands = {hand: _named_bones(results, hand, model) for hand in results.hands}
     names = _in_order(results, {name for bones in of_hands.values() for name in bones})
     rows = tuple(
@@ -89,7 +89,7 @@ _KNOWN_TWICE = {
 
 
 def agreement_notes(results: StudyResults, model: str) -> tuple[str, ...]:
-    """Say how far bones that are known twice differ, over what was expected, and what that cannot show."""
+    """Return sentences on how far two estimates of the same bone differ, relative to what is expected."""
     times = times_expected(row for row in results.rows.agreement if row["model"] == model)
     notes = [tr(_KNOWN_TWICE[across], times=number(t, 1), n=n) for across, (t, n) in times.items()]
     if notes:
@@ -103,13 +103,13 @@ def agreement_notes(results: StudyResults, model: str) -> tuple[str, ...]:
 
 
 def lengths_are_shared(results: StudyResults, hands: Sequence[Hand], model: str) -> bool:
-    """Return whether the model ties the lengths of the two hands that some person has among these."""
+    """Return whether the model shares bone lengths between two of these hands that are of the same person."""
     fitting = results.models[model].fitting
     return fitting is not None and fitting.share_lengths and len({hand.who for hand in hands}) < len(hands)
 
 
 def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, BoneLengthsRow]:
-    """Rows of bone_lengths by the bone's name, with its digit where several have one of that name."""
+    """Return rows of bone_lengths by bone, with the digit in the name if several digits have the bone."""
     uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
     return {
         row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({word(row['digit'])})": row
@@ -118,13 +118,13 @@ def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Bon
 
 
 def _in_order(results: StudyResults, names: set[str]) -> list[str]:
-    """Names of bones in the order of the layouts' segments."""
+    """Return names of bones in the order of the layouts' segments."""
     order = {segment: i for layout in results.layouts.values() for i, segment in enumerate(layout.segments)}
     return sorted(names, key=lambda name: (order.get(name.split(" ")[0], len(order)), name))
 
 
 def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, BoneLengthsRow]) -> str:
-    """How many of a hand's lengths to believe; none of one with a finding."""
+    """Return how many of a hand's lengths are believed, which is none for a suspect hand."""
     if not bones:
         return DASH
     if hand in results.suspect:
@@ -134,7 +134,7 @@ def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, BoneLeng
 
 
 def _length(row: BoneLengthsRow | None) -> str:
-    """The length with its error, a doubt's sign behind it."""
+    """Return the length with its error, followed by the sign of its verdict if it is not believed."""
     if row is None or row["length_mm"] is None:
         return DASH
     verdict = belief(row)
@@ -143,7 +143,7 @@ def _length(row: BoneLengthsRow | None) -> str:
 
 
 def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
-    """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
+    """Return a table of the receivers' positions on a hand's bones, by model that fits the whole hand."""
     columns = (
         text_column(tr("Receiver"), "segment"),
         PageColumn(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
@@ -188,7 +188,7 @@ def _loose(row: ReceiversRow) -> str:
 
 
 def measured_table(caption: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:
-    """Tabulate range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
+    """Return a table of range, posture and speed of every joint angle, with 1-sigma errors of the ranges."""
     task = PageColumn(
         tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True
     )

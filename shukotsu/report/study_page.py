@@ -1,4 +1,4 @@
-"""The page of the study, to be looked at: a hand in motion, three numbers, figures; then all else."""
+"""The study's page: a hand in motion, three numbers and figures, then all details."""
 
 from __future__ import annotations
 
@@ -61,14 +61,14 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow
 
 FEW_HANDS = 30
-"""Most rows of bone lengths that are shown unfolded."""
+"""Largest number of rows of bone lengths that are shown unfolded."""
 MOST_TRIED = 8
-"""Recordings that are tried for one whose hand can be shown in motion."""
+"""Largest number of recordings that are tried to find one whose hand can be shown in motion."""
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
 
 class SubjectCard(NamedTuple):
-    """A subject: a link to the page, the hands small, joints believed of all, links to the recordings."""
+    """A subject: a link to its page, small pictures of its hands, believed joints, links to recordings."""
 
     to: Link
     hands: tuple[Markup, ...]
@@ -78,7 +78,7 @@ class SubjectCard(NamedTuple):
 
 
 def render_study(results: StudyResults, study: Study, movement: StudyMovement | None = None) -> str:
-    """Return the study's page; the same results give the same text."""
+    """Return the study's page as HTML; the same results give the same text."""
     panels = model_panels(results)
     factors = compared_factors(results, study, movement) if movement else []
     levels = subject_groups(study)
@@ -134,7 +134,7 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
 
 
 def _front(results: StudyResults) -> View | None:
-    """The hand in motion of the first recording that counts and can be shown; None without one."""
+    """Return the hand in motion from the first usable recording that can be shown, or None."""
     counted = [recording for recording in results.shown if recording.hand not in results.suspect]
     counted.sort(key=lambda recording: recording.role == "calibration")
     used = [recording for recording in counted if results.status_of(recording)[0] == "used"]
@@ -160,7 +160,7 @@ def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
 
 
 def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
-    """Return links to the files beside the page: figures for print, tables, configuration."""
+    """Return links to the files that accompany the page: figures for print, tables, configuration."""
     paths = results.paths
     page, tables = paths.report, (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)
     figures = [
@@ -175,9 +175,9 @@ def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
 
 
 def exported_files(results: StudyResults) -> dict[str, list[Link]]:
-    """Return links to the files in the folder of exports, by what their names end in."""
+    """Return links to the files in the folder of exports, grouped by ending."""
     exported: dict[str, list[Link]] = {}
-    for file in sorted(results.paths.exports.glob("[!.]*")):  # what begins with a dot is Snakemake's
+    for file in sorted(results.paths.exports.glob("[!.]*")):  # hidden files are Snakemake's
         if not file.name.endswith(".failed.txt"):
             kind = "/" if file.is_dir() else file.suffix.removeprefix(".")
             exported.setdefault(kind, []).append(link(file.name, results.paths.report, file))
@@ -190,21 +190,22 @@ def render_failure(message: str) -> str:
 
 
 CLASSES_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Upper ends of the classes of colour; the last class is open."""
+"""Upper limits of the classes of errors that have different colours; the last class has none."""
 MARKS = {BELIEVE: "", CARE: "◆", NO: "✕"}
 _MEDIANS_OVER = 3
-"""With more hands than this the first row has their medians."""
+"""With more hands than this, the first row shows their medians."""
 _FAN_DEG = {"thumb": 48.0, "index": 12.0, "middle": 2.0, "ring": -8.0, "little": -19.0}
-"""Which way a digit of a right hand points from the wrist, from straight on towards the thumb."""
+"""Direction of each digit of a right hand from the wrist, relative to straight on, positive to the thumb."""
 _WRIST_MM, _USUAL_MM = 30.0, 25.0
-"""From the wrist to where a first bone starts, where no bone says it; a bone whose length is not known."""
+"""Distance drawn from the wrist to the start of a first bone, and length drawn for a bone, if unknown."""
 
 
 @dataclass(frozen=True)
 class JointCell:
-    """A joint of a hand. level : class of colour, -1 without a stated error. why : what a pointer is told.
+    """A cell for a joint of a hand.
 
-    href : where its row on the subject's page is.
+    level : class of its error, -1 if none is stated. why : text of its tooltip. href : link to its row on the
+    subject's page.
     """
 
     sd: str
@@ -216,7 +217,7 @@ class JointCell:
 
 @dataclass(frozen=True)
 class JointRow:
-    """A hand's joints in the columns' order, None where the model lacks one, and the number believed."""
+    """A hand's joints in the order of columns, None if the model lacks one, and the number believed."""
 
     who: Link
     hand: str
@@ -226,7 +227,7 @@ class JointRow:
 
 @dataclass(frozen=True)
 class JointPicture:
-    """Digits with how many columns each has, joints (their part of the name), and the rows."""
+    """The picture of all joints: digits with their numbers of columns, names of joints, and rows of hands."""
 
     digits: list[tuple[str, int]]
     joints: tuple[str, ...]
@@ -235,7 +236,7 @@ class JointPicture:
 
 
 def joint_picture(results: StudyResults) -> JointPicture | None:
-    """Return the picture under the leading model; None where no hand has a joint."""
+    """Return the picture of all joints under the leading model, or None if no hand has a joint."""
     model, page = results.leading, results.paths.report
     of_hand = {
         hand: {row["joint"]: row for row in results.joints_of.get((hand, model), [])}
@@ -261,12 +262,12 @@ def joint_picture(results: StudyResults) -> JointPicture | None:
 
 
 def believed_text(rows: Sequence[JointCentresRow]) -> str:
-    """Return how many joints of all are believed."""
+    """Return the number of believed joints over the number of all, as text."""
     return f"{sum(row['verdict'] == BELIEVE for row in rows)}/{len(rows)}"
 
 
 def _cell(rows: Sequence[JointCentresRow], href: str = "") -> JointCell | None:
-    """A joint; of several hands the median error and the middle verdict, of two the worse."""
+    """Return the cell of a joint; for several hands, with their median error and median verdict."""
     if not rows:
         return None
     sds = [row["sd_mm"] for row in rows if row["sd_mm"] is not None]
@@ -278,7 +279,7 @@ def _cell(rows: Sequence[JointCentresRow], href: str = "") -> JointCell | None:
 
 
 def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:
-    """Return the back of the hand as an SVG diagram, in which only lengths and verdicts are measured."""
+    """Return an SVG diagram of the back of the hand; only its lengths and verdicts are measured."""
     lengths = {(row["digit"], row["bone"]): row for row in results.bones_of.get((hand, model), [])}
     verdicts = {row["joint"]: row["verdict"] for row in results.joints_of.get((hand, model), [])}
     layout = results.layouts[hand]

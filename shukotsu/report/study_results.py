@@ -1,4 +1,4 @@
-"""Read the report's input: a study, or one subject of it, with the short tables of its hands."""
+"""Input of the report: a study or one of its subjects, with the rows of its short tables."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.recording_summary import subject_tables
 from shukotsu.study.results import FAILED_PAGES, Results, table_in
-from shukotsu.study.study import OfRecordings, Recording, Study
+from shukotsu.study.study import HasRecordings, Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
 from shukotsu.tables.parts import Opened, Part, open_parts
 from shukotsu.tables.subjects import Hand, SubjectSession
@@ -51,9 +51,9 @@ HANDS = ("right", "left")
 
 @dataclass(frozen=True)
 class StudyRows:
-    """Rows of the study's tables that pages read, by table; null is None.
+    """Rows of the study's tables that pages use, by table; null values are None.
 
-    Those of tables that are keyed so are of whole skeletons, made without leaving out a task.
+    In tables with the key `made_without`, only rows of skeletons made from all tasks are included.
     """
 
     recordings: list[RecordingsRow]
@@ -75,7 +75,7 @@ TABLES_READ = [field.name for field in fields(StudyRows)]
 
 @dataclass(frozen=True)
 class Trial:
-    """One subject's evaluated task: the recordings of it by hand, right first as the paper prints them."""
+    """One subject's evaluated task, with its recordings by hand, the right one first as in the paper."""
 
     who: SubjectSession
     task: str
@@ -89,7 +89,7 @@ class Trial:
 
 
 def by_hand_and_model(rows: Iterable[RowType]) -> dict[HandModel, list[RowType]]:
-    """The rows of each hand and model, in the table's order."""
+    """Group rows by hand and model, in the table's order."""
     groups: dict[HandModel, list[RowType]] = defaultdict(list)
     for row in rows:
         groups[hand_of(row), row["model"]].append(row)
@@ -97,8 +97,8 @@ def by_hand_and_model(rows: Iterable[RowType]) -> dict[HandModel, list[RowType]]
 
 
 @dataclass(frozen=True)
-class StudyResults(OfRecordings):
-    """A study, or the part of it that is one subject's, with its results."""
+class StudyResults(HasRecordings):
+    """A study, or one subject's part of it, with its results."""
 
     name: str
     recordings: tuple[Recording, ...]
@@ -111,45 +111,45 @@ class StudyResults(OfRecordings):
 
     @property
     def has_sessions(self) -> bool:
-        """Return whether the sheet names any session."""
+        """Whether the recordings sheet names any session."""
         return any(who.session for who in self.sessions)
 
     @cached_property
     def shown(self) -> list[Recording]:
-        """Every recording that is not excluded, and so has a page."""
+        """All recordings that are not excluded; each has a page."""
         return [r for r in self.recordings if not r.exclude]
 
     def poses(self, recording: Recording) -> Path:
-        """A recording's poses table."""
+        """Return the file of a recording's poses table."""
         return self.paths.folder / recording.hand.folder / recording.name / "poses.parquet"
 
     def subject_table(self, hand: Hand, table: str, model: str = "") -> Path:
-        """A table of a hand's subject; of a fit of the whole hand that of this hand under a model."""
+        """Return the file of a subject's table, or, for FIT_TABLES, of the hand and model."""
         return table_in(self.paths.subject(*hand.who), table, hand.hand, model)
 
     @cached_property
     def suspect(self) -> frozenset[Hand]:
-        """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
+        """Hands with a suspect finding; they are shown but excluded from all statistics."""
         return frozenset(hand_of(row) for row in self.rows.problems if row["severity"] == SUSPECT)
 
     def counted(self, rows: list[RowType]) -> list[RowType]:
-        """The rows that count in statistics: those of hands that are not suspect."""
+        """Return the rows of hands that are not suspect, which statistics include."""
         return [row for row in rows if hand_of(row) not in self.suspect]
 
     def with_rows(self, **rows: list[Any]) -> StudyResults:
-        """The same with other rows of these tables."""
+        """Return these results with the rows of the named tables replaced."""
         return replace(self, rows=replace(self.rows, **rows))
 
     @cached_property
     def judging(self) -> StudyResults:
-        """The same without the rows of suspect hands."""
+        """These results without the rows of suspect hands."""
         tables = ("joint_centres", "bone_lengths", "tip_errors", "skeleton_scores", "joint_errors")
         counted: dict[str, Any] = {name: self.counted(getattr(self.rows, name)) for name in tables}
         return self.with_rows(**counted)
 
     @cached_property
     def findings(self) -> list[ProblemsRow]:
-        """Problems of recordings: faults, losses and omissions, without notes."""
+        """Problems that make recordings suspect, or for which recordings are refused, without notes."""
         stages = (STAGE, "capture")
         return [
             row
@@ -159,16 +159,16 @@ class StudyResults(OfRecordings):
 
     @property
     def of_hands(self) -> bool:
-        """Return whether all layouts are of hands; otherwise a hand in the tables is a side of a body."""
+        """Whether all layouts are of hands; otherwise a hand in the tables means a side of a body."""
         return all(layout.is_hand for layout in self.layouts.values())
 
     @cached_property
     def accepted(self) -> list[ProblemsRow]:
-        """Findings that the recordings sheet gives a reason for."""
+        """Findings that the recordings sheet accepts with a reason."""
         return [row for row in self.rows.problems if row["accepted"]]
 
     def hand_rows(self, table: Table, hand: Hand, model: str = "") -> list[Any]:
-        """Rows of a hand, under a model, of a subject's short table; none where there are none to read."""
+        """Return a hand's rows, under a model, of a subject's short table; none if it cannot be read."""
         path = self.subject_table(hand, table.name)
         try:
             with self.opened(path, table) as parts:
@@ -177,7 +177,7 @@ class StudyResults(OfRecordings):
             return []
 
     def add_problem(self, stage: str, message: str, task: str = "") -> None:
-        """Add what went wrong while the page is made, before its problems are asked for."""
+        """Add a problem that occurred while the page is made; call it before problems are listed."""
         self.rows.problems.append(_problem(SubjectSession(""), stage, message, task=task))
 
     @cached_property
@@ -202,7 +202,7 @@ class StudyResults(OfRecordings):
 
     @property
     def fitted(self) -> list[str]:
-        """The models that fit the whole hand, in the study's order."""
+        """Models that fit the whole hand, in the study's order."""
         return [name for name, model in self.models.items() if model.fitting is not None]
 
     @property
@@ -221,11 +221,11 @@ class StudyResults(OfRecordings):
         return {row_key(row): row for row in self.rows.recordings}
 
     def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> TipErrorsRow | None:
-        """The row of tip_errors for one cell group; None where the table has none."""
+        """Return the row of tip_errors for a recording, model, digit and binding, or None."""
         return self._tip_error_of.get((*recording_key(recording), model, digit, binding))
 
     def status_of(self, recording: Recording) -> tuple[str, str]:
-        """The recording's status (used, excluded, failed or missing) and the reason, if any."""
+        """Return a recording's status (used, excluded, refused, failed or missing) and the reason, if any."""
         row = self.recording_row_of.get(recording_key(recording))
         if row is not None:
             return row["status"], row["message"] or recording.exclude
@@ -234,7 +234,7 @@ class StudyResults(OfRecordings):
         return "missing", "the results do not name this recording"
 
     def trials(self, subject: str, session: str = "") -> Iterator[Trial]:
-        """The subject's evaluated tasks, excluded and failed recordings among them, in the sheet's order."""
+        """Yield the subject's evaluated tasks, with excluded and failed recordings, in the sheet's order."""
         groups: dict[tuple[str, str], dict[str, Recording]] = defaultdict(dict)
         for recording in self.recordings:
             if recording.hand.who == (subject, session) and recording.role in ("evaluation", "both"):
@@ -244,37 +244,37 @@ class StudyResults(OfRecordings):
             yield Trial(SubjectSession(subject, session), task, trial, recordings)
 
     def hands_of(self, subject: str, session: str = "") -> list[Hand]:
-        """The subject's hands, right first."""
+        """Return the subject's hands, the right one first."""
         mine = [hand for hand in self.hands if hand.who == (subject, session)]
         return sorted(mine, key=lambda hand: hand.hand != "right")
 
 
 def task_title(task: str, trial: str = "", *, calibrates: bool = False) -> str:
-    """Write task and trial in words. calibrates : whether the recording only calibrates."""
+    """Return task and trial in words; calibrates : whether the recording is used for calibration only."""
     words = [task, tr("trial {trial}", trial=trial) if trial else "", tr("calibration") if calibrates else ""]
     return ", ".join(filter(None, words))
 
 
 def recording_key(recording: Recording) -> tuple[str, ...]:
-    """Subject, session, hand, task and trial: what the tables call the recording."""
+    """Return a recording's key in tables: subject, session, hand, task and trial."""
     return tuple(recording.key.values())
 
 
 def row_key(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Subject, session, hand, task and trial of a row of a table."""
+    """Return the subject, session, hand, task and trial of a table's row."""
     return key_of(row, RECORDINGS.key)
 
 
 def hand_of(row: Mapping[str, Any]) -> Hand:
-    """The hand that a row of a table is of."""
+    """Return the hand that a table's row is about."""
     return Hand(row["subject"], row["hand"], row["session"])
 
 
 def read_results(study: Study, folder: Path) -> StudyResults:
-    """Read the study-wide tables from `folder`.
+    """Read the study's tables from `folder`.
 
-    Raises InputError where a table is absent or is another one. A table that records that its own making
-    failed counts as empty, and the reason joins the problems.
+    A table whose stage failed is treated as empty, and the reason is added to the problems. Raises InputError
+    if a table is missing or a file is not the expected table.
     """
     paths = Results(folder)
     failures: list[ProblemsRow] = []
@@ -294,9 +294,10 @@ def read_results(study: Study, folder: Path) -> StudyResults:
 
 
 def read_subject(plan: SubjectPlan, opened: Opened = open_parts) -> StudyResults:
-    """Read one subject's tables: the same results, for a study of that subject alone.
+    """Read one subject's tables as the results of a study of this subject only.
 
-    Raises InputError where a table is absent or another one; a part that failed is among the problems.
+    A part that failed is added to the problems. Raises InputError if a table is missing or a file is not the
+    expected table.
     """
     gathered = subject_tables(plan)
     rows: dict[str, Any] = {name: [] for name in TABLES_READ}
@@ -316,7 +317,7 @@ def read_subject(plan: SubjectPlan, opened: Opened = open_parts) -> StudyResults
 
 
 def _failed_files(study: Study, paths: Results) -> Iterator[ProblemsRow]:
-    """Report exports, then pages of subjects, that could not be made, and why."""
+    """Yield a problem for each export and then for each subject's page that could not be made."""
     for file in sorted(paths.exports.glob("*.failed.txt")) if study.exports else ():
         for message in file.read_text("utf-8").splitlines():
             task = file.name.removesuffix(".failed.txt")
@@ -343,5 +344,5 @@ def _study_rows(path: Path, table: Table, failures: list[ProblemsRow]) -> list[A
 
 
 def _columns_shown(table: Table) -> list[str]:
-    """Columns that pages show: all but lists, which are never shown and take longest to read."""
+    """Return the columns to read: all except lists, which pages never show and which are slow to read."""
     return [column.name for column in table.columns if not pa.types.is_fixed_size_list(column.type)]

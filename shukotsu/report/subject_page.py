@@ -1,4 +1,4 @@
-"""The page of one subject: its hands, which joints to believe, scores, the paper's tables, lengths."""
+"""The page of one subject: its hands, verdicts on joints, scores, the paper's tables and bone lengths."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from shukotsu.report.judged_models import numbers_texts, used_text
 from shukotsu.report.recording_page import failure_page, recording_links, recording_page, recording_title
 from shukotsu.report.recording_results import read_recording, read_still
 from shukotsu.report.score_tables import (
-    is_the_papers_hand,
+    has_the_papers_digits,
     least_squares_table,
     printed_table,
     score_table,
@@ -52,10 +52,10 @@ from shukotsu.translation import tr, translated
 
 
 def render_subject(results: StudyResults) -> str:
-    """Return the page of the one subject that `results` is of; the same results give the same text.
+    """Return the page of the only subject in `results` as HTML; the same results give the same text.
 
-    Its only link to other subjects is that to the study's page: if they were named here, adding a subject
-    would change the others' pages.
+    The page links to the study's page but not to other subjects, because adding a subject would then change
+    the pages of the others.
     """
     (who,) = results.sessions
     hands, page = results.hands_of(*who), results.paths.subject_page(*who)
@@ -82,7 +82,7 @@ def render_subject(results: StudyResults) -> str:
 
 
 def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
-    """A hand: its picture, its joints under every model, the leading one's first; what to record next."""
+    """Return a hand's section: picture, joints under every model, the leading one first, and next steps."""
     model = results.leading
     caption, still = _still(results, hand)
     rows, gains = results.joints_of.get((hand, model), []), results.gains_of.get((hand, model), [])
@@ -105,8 +105,9 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
 
 
 def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
-    """The hand in the first of its recordings that has a frame to show, with what it shows; where there is
-    none, why.
+    """Return a caption and a still picture of the hand from its first recording that has a frame to show.
+
+    If there is none, the caption states why.
     """
     name, reasons = tr("{hand} hand", hand=hand.hand.capitalize()), []
     recordings = [each for each in results.recordings if each.hand == hand and not each.exclude]
@@ -123,8 +124,8 @@ def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
 
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
-    """One evaluated task: scores, None without any, and the study's tables beside the paper's."""
-    beside = is_the_papers_hand(results, trial)
+    """Return the section of one evaluated task: scores, if any, and the study's tables beside the paper's."""
+    beside = has_the_papers_digits(results, trial)
     return {
         "title": trial.title,
         "scores": score_table(results, trial),
@@ -141,7 +142,7 @@ def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
 
 
 def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded]]:
-    """Folded tables by their section: lengths, ranges, receivers, recordings."""
+    """Return the folded tables by section: lengths, ranges, receivers, recordings."""
     hands = results.hands_of(*who)
     names = {hand: tr("{hand} hand", hand=hand.hand.capitalize()) for hand in hands}
     ranges = []
@@ -158,11 +159,11 @@ def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list
 
 
 Page = tuple[Callable[[], str], Callable[[str], str]]
-"""Functions that render a page, and the one that states why it failed."""
+"""Functions that render a page, and a page that states why the former failed."""
 
 
 def write_pages(arguments: argparse.Namespace) -> None:
-    """Read the subject's tables, write its pages; one that cannot be made says why, and costs no other."""
+    """Read the subject's tables and write its pages; a page that fails is replaced by one with the reason."""
     check_language(arguments.language, "--language")
     plan = plan_of_results(arguments.plan)
     with speaking(arguments.language), opened_once() as opened:
@@ -185,12 +186,12 @@ def write_pages(arguments: argparse.Namespace) -> None:
 
 
 def _page(recording: Recording) -> Path:
-    """The recording's page in the subject's folder of pages."""
+    """Return the path of the recording's page in the subject's folder of pages."""
     return Path(recording.hand.hand, f"{recording.name}.html")
 
 
 def _write_failures(folder: Path, failures: Sequence[str]) -> None:
-    """Write which pages could not be made into a file that the study's report reads; none without any."""
+    """Write the list of failed pages to a file for the study's report, or remove the file if none failed."""
     if failures:
         write_text(folder / FAILED_PAGES, "".join(f"{line}\n" for line in failures))
     else:
@@ -198,7 +199,7 @@ def _write_failures(folder: Path, failures: Sequence[str]) -> None:
 
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
-    """The recording's page, or one that states why it failed, so that the subject's other pages are kept."""
+    """Return the recording's page, or a page that states why it cannot be made."""
     try:
         return recording_page(read_recording(results, recording))
     except InputError as error:
@@ -206,7 +207,7 @@ def _recording_page(results: StudyResults, recording: Recording) -> str:
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write pages that say why there is none; where the plan cannot be read, that of the subject alone."""
+    """Write pages that state why there are no results; if the plan is unreadable, only the subject's page."""
     shown: list[Recording] = []
     with suppress(InputError):
         plan = plan_of_results(arguments.plan)

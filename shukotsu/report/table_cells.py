@@ -1,6 +1,6 @@
-"""Tables as the page and the terminal show them, text cells ready to be laid out, and links between pages.
+"""Tables of formatted cells for pages and the terminal, and relative links between pages.
 
-The pages stand in one folder and may be copied with it anywhere.
+All pages are in one folder, which can be copied anywhere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DASH = "–"
 
 
 class Quantity(NamedTuple):
-    """What a column of numbers is called on pages, its unit, and with how many decimals it is shown."""
+    """A column of numbers: its label on pages, its unit, and its number of decimals."""
 
     label: str
     unit: str
@@ -62,7 +62,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "duration_s": Quantity(N_("Duration"), "s", 2),
     "n_frames": Quantity(N_("Frames"), "", 0),
 }
-"""By the column of a table: the one place that says how pages, figures and the terminal write a number."""
+"""How pages, figures and the terminal format numbers, by a table's column; it is defined only here."""
 
 
 MEANINGS: Mapping[str, str] = {
@@ -93,12 +93,12 @@ _TERMS: Mapping[str, str] = {
     N_("Held out"): N_("whether the skeleton was made without the task it is scored on; compare these rows"),
     N_("Came loose"): N_("from which frame on the receiver sat elsewhere"),
 }
-"""What quantities, and other words of tables, mean in a sentence each."""
+"""Meanings of quantities and of other words in tables, in one sentence each."""
 
 
 @lru_cache
 def _meanings(_: str) -> Mapping[str, str]:
-    """Return what means something in a language: headings and other words, with their meanings in English."""
+    """Return the English meanings of headings and other words by their form in the language in use."""
     of_headings = {heading(name): text for name, text in MEANINGS.items()}
     return of_headings | {tr(name): text for name, text in _TERMS.items()}
 
@@ -110,13 +110,13 @@ def heading(name: str) -> str:
 
 
 def format_value(name: str, value: float | None) -> str:
-    """Return a value of a quantity with its decimals; a dash where there is none."""
+    """Return a quantity's value with its number of decimals, or a dash if it is None or NaN."""
     return number(value, QUANTITIES[name].decimals)
 
 
 @dataclass(frozen=True)
 class RowBlock:
-    """Rows under one header; the first cell of the header and of every row is their heading."""
+    """Rows with a common header; the first column contains the rows' headings."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -124,9 +124,10 @@ class RowBlock:
 
 @dataclass(frozen=True)
 class DataTable:
-    """A captioned table of one block or more; columns are numbers except those named in text_columns.
+    """A captioned table of one or more blocks.
 
-    source : the table of the results that it is made of, where one is.
+    text_columns : indices of columns with text; the others contain numbers. source : the table of the results
+    that it is made from, if there is one.
     """
 
     caption: str
@@ -137,7 +138,7 @@ class DataTable:
 
     @property
     def meanings(self) -> dict[str, str]:
-        """What headings and names of rows mean, of those that are not plain."""
+        """Meanings of those headings and row headings that need explanation."""
         cells = [cell for block in self.blocks for cell in (*block.header, *(row[0] for row in block.rows))]
         texts = _meanings(language())
         return {cell: tr(texts[cell]) for cell in dict.fromkeys(cells) if cell in texts}
@@ -145,14 +146,14 @@ class DataTable:
 
 @dataclass(frozen=True)
 class Folded:
-    """A table that is folded away under a summary line."""
+    """A table that is folded under a summary line."""
 
     summary: str
     table: DataTable
 
 
 class PageColumn(NamedTuple):
-    """A column of a table made row by row: its heading, and the text of its cell in a row."""
+    """A column of a table: its heading, and the function that returns a row's cell as text."""
 
     heading: str
     cell: Callable[[Any], str]
@@ -160,24 +161,24 @@ class PageColumn(NamedTuple):
 
 
 def quantity_column(name: str) -> PageColumn:
-    """Return the numbers of a quantity under its heading."""
+    """Return the column of a quantity."""
     return PageColumn(heading(name), lambda row: format_value(name, row.get(name)))
 
 
 def number_column(heading: str, name: str, decimals: int = 2) -> PageColumn:
-    """Return the numbers of that name in the rows; a dash where there is none."""
+    """Return the column of the numbers `name` in the rows, with a dash if a row has none."""
     return PageColumn(heading, lambda row: number(row.get(name), decimals))
 
 
 def error_column(heading: str, name: str, unit: str, decimals: int = 1) -> PageColumn:
-    """Return the numbers of the column `name_unit` with their 1-sigma errors, `name_sd_unit`."""
+    """Return the column of the numbers `name_unit` with their 1-sigma errors, `name_sd_unit`."""
     return PageColumn(
         heading, lambda row: with_error(row[f"{name}_{unit}"], row[f"{name}_sd_{unit}"], decimals)
     )
 
 
 def text_column(heading: str, name: str) -> PageColumn:
-    """Return the text of that name in the rows: sentences and names of the project translated."""
+    """Return the column of the texts `name` in the rows; sentences and the project's words are translated."""
 
     def cell(row: Any) -> str:
         if name in _SENTENCES:
@@ -189,7 +190,7 @@ def text_column(heading: str, name: str) -> PageColumn:
 
 _SENTENCES = frozenset({"message", "question", "test"})
 _NAMES = frozenset({"hand", "digit", "angle", "binding", "across", "Hand"})
-"""Columns of tables whose texts are sentences, and whose texts are names of the project."""
+"""Columns of tables that contain sentences, and columns that contain words of this project."""
 
 
 def table_of(
@@ -200,9 +201,9 @@ def table_of(
     notes: Iterable[str] = (),
     source: str = "",
 ) -> DataTable:
-    """Return a table of one block, or of one for each heading that has rows.
+    """Return a table of one block, or, if `rows` is a mapping, of one block per heading that has rows.
 
-    if_empty : a note for a table without rows.
+    if_empty : note for a table without rows.
     """
     groups = rows if isinstance(rows, Mapping) else {columns[0].heading: list(rows)}
     blocks = tuple(
@@ -219,20 +220,20 @@ def table_of(
 
 
 def number(value: float | None, decimals: int = 2) -> str:
-    """The number with a fixed number of decimals; a dash where there is none."""
+    """Return a number with a fixed number of decimals, or a dash if it is None or NaN."""
     if value is None or value != value:
         return DASH
     return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
 
 
 def with_error(value: float | None, sd: float | None, decimals: int = 2) -> str:
-    """Return the number with its 1-sigma error, where both are there."""
+    """Return a number, with its 1-sigma error if both are known."""
     error = f" ± {number(sd, decimals)}" if value is not None and sd is not None else ""
     return number(value, decimals) + error
 
 
 def p_text(p: float) -> str:
-    """The test's p with two digits, or as many as it takes to stay on its side of LEVEL."""
+    """Return p with two digits, or as many as needed to stay on the same side of LEVEL."""
     if p < 0.0001:
         return "p < 0.0001"
     texts = (f"{p:.{digits}g}" for digits in range(2, 17))
@@ -240,7 +241,7 @@ def p_text(p: float) -> str:
 
 
 def alike(values: Mapping[str, object]) -> list[list[str]]:
-    """Return names in groups of equal values, in their order."""
+    """Group names with equal values, in order."""
     groups: list[list[str]] = []
     for name, value in values.items():
         same = next((group for group in groups if values[group[0]] == value), None)
@@ -249,17 +250,17 @@ def alike(values: Mapping[str, object]) -> list[list[str]]:
 
 
 def capital(text: str) -> str:
-    """The text with a capital first letter."""
+    """Return text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
 def title(name: str) -> str:
-    """The name of a digit or a hand as a heading."""
+    """Return the name of a digit or hand as a heading."""
     return capital(word(name).replace("_", " "))
 
 
 class Link(NamedTuple):
-    """A link's text and target, relative to its page."""
+    """A link's text, and its target relative to the page."""
 
     words: str
     href: str
@@ -271,5 +272,5 @@ def link(words: str, page: Path, target: Path) -> Link:
 
 
 def anchor(to: Link) -> Markup:
-    """Return the link as HTML, its words escaped."""
+    """Return the link as HTML with its text escaped."""
     return Markup('<a href="{}">{}</a>').format(to.href, to.words)

@@ -1,8 +1,8 @@
-"""The report's templates, compiled on import, what every page of it is given, and its language.
+"""The report's templates, which are compiled on import, and the language of its pages.
 
-Every language but English is one gettext catalogue, `languages/CODE.po`: `speaking` reads it,
-`shukotsu.translation` translates. What stays English on a page of another language stands between FOREIGN and
-END; `typeset` makes that an element with its language.
+Each language other than English has a gettext catalogue, `languages/CODE.po`: `speaking` reads it, and
+`shukotsu.translation` translates. Text that stays English on a page in another language is enclosed by
+FOREIGN and END; `typeset` turns it into an element with the attribute `lang`.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ SCRIPT_TEXTS = {
     "unknown": N_("not known"),
     "time": N_("time from the first frame [s]"),
 }
-"""What scripts say, by name: `wording(name, values)` of base.html.j2."""
+"""Texts used by scripts, by name, for `wording(name, values)` in base.html.j2."""
 
 
 def coded(text: object) -> Markup:
-    """Escaped text, with text in backticks as code elements."""
+    """Return escaped text, with text in backticks as code elements."""
     escaped = escape(text)
     return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escaped))) if "`" in escaped else escaped
 
@@ -75,11 +75,11 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-ENVIRONMENT = _environment()  # here, before any fork: to compile one takes longer than to fill it in
+ENVIRONMENT = _environment()  # once, before any fork: compiling a template is slower than rendering it
 
 
 def render(template: str | jinja2.Template, **content: Any) -> str:
-    """Fill in a template, by its path in this folder; text is escaped, a name not given is an error."""
+    """Render a template, named by its path in this folder; text is escaped, a missing name is an error."""
     text = ENVIRONMENT.get_template(template).render(version=VERSION, palette=Markup(css()), **content)
     return typeset(text + "\n")
 
@@ -88,23 +88,23 @@ CATALOGUES = Path(__file__).parent / "languages"
 _TEXT = re.compile(r"(<(script|style)\b.*?</\2>|<title>.*?</title>|<[^>]*>)", re.DOTALL)
 
 _HEARD = re.compile(r'(?<= title=")[^"]*|(?<= aria-label=")[^"]*|(?<=<title>)[^<]*')
-"""What a reader of the screen says, or a pointer shows."""
+"""HTML attributes with text that a screen reader reads or a tooltip shows."""
 
 
 def languages() -> list[str]:
-    """Return the codes of all languages: English, and those that have a catalogue."""
+    """Return the codes of all languages: English, and those with a catalogue."""
     return [ENGLISH, *sorted(path.stem for path in CATALOGUES.glob("*.po"))]
 
 
 def check_language(code: str, option: str = "language") -> None:
-    """Raise InputError where there is no catalogue of a language. option : that names it."""
+    """Raise InputError if a language has no catalogue; option : name of the option, for the message."""
     if code not in languages():
         raise InputError(f"{option}: is {code!r}; expected one of {', '.join(languages())}")
 
 
 @cache
 def translations_of(code: str) -> gettext.NullTranslations:
-    """Read a language's catalogue, English has none; InputError where there is no such language."""
+    """Read a language's catalogue, which is empty for English. Raises InputError for an unknown language."""
     check_language(code)
     if code == ENGLISH:
         return gettext.NullTranslations()
@@ -119,12 +119,12 @@ def translations_of(code: str) -> gettext.NullTranslations:
 
 
 def speaking(code: str) -> AbstractContextManager[None]:
-    """Return the context in which all text is in a language."""
+    """Return a context in which all text is composed in a language."""
     return translating(code, translations_of(code))
 
 
 def typeset(page: str) -> str:
-    """Return a page with what stays English as elements with their language."""
+    """Return a page with its English passages as elements that have the attribute `lang`."""
     if language() == ENGLISH:
         return page
     parts = _TEXT.split(page)  # text, element, its name, text, ...
@@ -136,5 +136,5 @@ def typeset(page: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return text without the marks of English passages, for places where no element is possible."""
+    """Return text without the marks of English passages, for use where no element is allowed."""
     return text.replace(FOREIGN, "").replace(END, "")

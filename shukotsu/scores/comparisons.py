@@ -33,7 +33,7 @@ from shukotsu.scores.observations import (
     observations,
 )
 from shukotsu.scores.paired_statistics import EQUAL, holm, paired_difference, smallest_p
-from shukotsu.study.model import read_model, the_papers
+from shukotsu.study.model import paper_skeleton, read_model
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study
 from shukotsu.tables.catalogue import (
@@ -105,7 +105,7 @@ def _compare(
 ) -> None:
     """Add the rows of one metric to `compared`."""
     models = study.taking(metric)
-    baseline = the_papers(study.models.values()) or next(iter(study.models))
+    baseline = paper_skeleton(study.models.values()) or next(iter(study.models))
     others = models
     if metric.fitted_only or len(models) == 1:
         baseline = PRIOR if PRIOR in present else models[0]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, reading_what_was_brought
+from shukotsu.errors import InputError, reading_user_tables
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posed_recording import QUATERNION
 from shukotsu.hand.rotations import Array, rotate, unit
@@ -157,7 +157,7 @@ def read_truth(folder: Path, name: RecordingName) -> RecordingTruth:
 def _rows(folder: Path, table: Table, name: RecordingName) -> list[Any]:
     """Read the rows of one truth table; raise InputError if they are not of the recording's hand."""
     path = folder / f"{table.name}.parquet"
-    with reading_what_was_brought():
+    with reading_user_tables():
         rows = list(rows_of(read_table(path, table)))
     for hand in {Hand(row["subject"], row["hand"], row["session"]) for row in rows} - {name.of_hand}:
         raise InputError(f"{path}: is of {hand}; expected {name.of_hand}")
@@ -224,7 +224,7 @@ def _digits(folder: Path) -> dict[str, TrueDigit]:
 
 def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
     """Read columns of a truth table as arrays (T, C), by digit."""
-    with reading_what_was_brought():
+    with reading_user_tables():
         rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
     return numbers_by_name(rows, "digit", columns)
 

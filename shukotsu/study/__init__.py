@@ -1,4 +1,4 @@
-"""The one place where tables and configuration files are defined, read and written."""
+"""A study and its configuration: sheets, layouts, models, mappings, plans, findings and verdicts."""
 
 PROGRAM = "shukotsu"
 VERSION = "0.2.0"

@@ -1,6 +1,7 @@
-"""Reading of all YAML files: configurations are checked against their JSON Schemas and defaults filled in.
+"""Read YAML files, check configurations against their JSON Schemas and fill in the defaults.
 
-The schemas are closed: a typo is refused by name. `docs/configuration.md` is made from them.
+The schemas allow no unknown keys, so a misspelt key is reported by name. `docs/configuration.md` is
+generated from the schemas.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ CONFIG_FOLDER = ROOT / "config"
 Constants = TypeVar("Constants")
 
 REFERENCE = "prior-only"
-"""The average hand as a model without data, which the workflow adds to a study's models."""
+"""Name of the model that uses no data, the average hand; the workflow adds it to every study's models."""
 
 
 class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
     """YAML 1.2; a duplicate key is an error instead of silently overriding the first.
 
-    PyYAML's own is 1.1: 012 is ten there, 1:30 ninety, no false.
+    PyYAML's default is YAML 1.1, which reads 012 as ten, 1:30 as ninety and `no` as false.
     """
 
 
@@ -41,7 +42,7 @@ _StrictLoader.yaml_implicit_resolvers = {}
 
 
 class _Dumper(yaml.SafeDumper):
-    """YAML dumper: text that version 1.1 or 1.2 would parse as another type is quoted."""
+    """YAML dumper that quotes text which YAML 1.1 or 1.2 would parse as another type."""
 
 
 _CORE_SCHEMA = {
@@ -54,7 +55,10 @@ _CORE_SCHEMA = {
     ),
     "merge": ("<<", "<"),
 }
-"""Types of plain scalars (YAML 1.2.2, 10.3.2) by their first letters; only the merge key is from 1.1."""
+"""Pattern and possible first letters of each type of plain scalar (YAML 1.2.2, section 10.3.2).
+
+Only the merge key is from YAML 1.1.
+"""
 
 for _tag, (_pattern, _letters) in _CORE_SCHEMA.items():
     for _class in (_StrictLoader, _Dumper):
@@ -71,7 +75,7 @@ _StrictLoader.add_constructor(
 )
 
 
-def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+def _mapping_of_unique_keys(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
     seen: list[Any] = []
     for key_node, _ in node.value:
         key = loader.construct_object(key_node, deep=True)
@@ -82,14 +86,15 @@ def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dic
     return loader.construct_mapping(node, deep=True)
 
 
-_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_twins)
+_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_of_unique_keys)
 
 
 def json_schema(kind: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of configuration file: study, layout, model or mapping.
 
-    A key with `names_of` takes the names of that registry: `recordings`, the formats that a mapping can be of
-    (`study/file_formats.py`), or a group of `export/formats.yaml`.
+    A property with `names_of` gets the names in that registry as its permitted values: `recordings` means the
+    formats that can be read by a mapping (`study/file_formats.py`), any other name a group of
+    `export/formats.yaml`.
     """
 
     def with_names(part: dict[str, Any]) -> dict[str, Any]:
@@ -106,15 +111,15 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 
 def read_yaml(path: Path, kind: str) -> Any:
-    """Read a YAML file without checking what it says.
+    """Read a YAML file without checking it against a schema.
 
-    Raises InputError where the file is absent, is not YAML or gives a key twice.
+    Raises InputError if the file does not exist, is not YAML or repeats a key.
     """
     return loaded_yaml(read_text(path, f"a {kind} file", limits.CONFIG_BYTES), str(path))
 
 
 def loaded_yaml(text: str, where: str) -> Any:
-    """Read a text as YAML, as `read_yaml` does a file; `where` names it in messages."""
+    """Parse YAML text like `read_yaml`; `where` names its source in error messages."""
     try:
         _check_nesting(text)
         loader = _StrictLoader(text)
@@ -128,12 +133,12 @@ def loaded_yaml(text: str, where: str) -> Any:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
         raise InputError(f"{where}: not valid YAML: {_place_and_problem(error, text)}") from error
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a tagged number that is none
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a number's tag on other text
         raise InputError(f"{where}: not valid YAML: {error}") from error
 
 
 def read_constants(path: Path) -> dict[str, Any]:
-    """Read a YAML file of the program's constants; lists become tuples."""
+    """Read a YAML file of constants that is part of the program; lists become tuples."""
 
     def fixed(value: Any) -> Any:
         if isinstance(value, dict):
@@ -145,12 +150,15 @@ def read_constants(path: Path) -> dict[str, Any]:
 
 @cache
 def export_constants() -> dict[str, Any]:
-    """Return the entries of `export/formats.yaml` by group: formats and rigs."""
+    """Return the groups of `export/formats.yaml` (formats and rigs) with their entries."""
     return read_constants(PACKAGE / "export" / "formats.yaml")
 
 
 def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) -> Constants:
-    """Fill a dataclass of constants by field name; an angle in `_RAD` is read from the file's `_DEG`."""
+    """Build a dataclass of constants from numbers by field name; a field `X_RAD` is converted from `X_DEG`.
+
+    derived : values of fields that are computed rather than looked up.
+    """
     for name in kind.__annotations__.keys() - derived.keys():
         degrees = name.removesuffix("_RAD") + "_DEG"
         derived[name] = numbers[name] if name in numbers else math.radians(numbers[degrees])
@@ -158,12 +166,15 @@ def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) 
 
 
 def yaml_text(content: Any) -> str:
-    """Format mappings, lists and values as YAML that versions 1.1 and 1.2 read alike."""
+    """Format mappings, lists and values as YAML that has the same meaning in versions 1.1 and 1.2."""
     return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
 
 
 def as_yaml_1_1(path: Path) -> Any:
-    """Read a file as YAML 1.1, as Snakemake does, to compare it with ours; InputError as `read_yaml`."""
+    """Read a file as YAML 1.1, as Snakemake does, for comparison with `read_yaml`.
+
+    Raises InputError if the file does not exist or is not YAML.
+    """
     try:
         return yaml.safe_load(read_text(path, "a configuration", limits.CONFIG_BYTES))
     except (yaml.YAMLError, ValueError) as error:
@@ -171,7 +182,7 @@ def as_yaml_1_1(path: Path) -> Any:
 
 
 def _check_nesting(text: str) -> None:
-    """Raise YAMLError where lists and mappings are nested too deeply for the C parser."""
+    """Raise YAMLError if lists and mappings are nested too deeply for the C parser."""
     depth = 0
     event: Any
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
@@ -184,37 +195,38 @@ def _check_nesting(text: str) -> None:
 def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
     """Return the number of values in a node, with aliases expanded.
 
-    Raises YAMLError where they are too many, or where an alias contains itself.
+    Raises YAMLError if there are too many, or if an alias contains itself.
     """
     if id(node) in counted:
         return counted[id(node)]
-    counted[id(node)] = limits.CONFIG_VALUES  # while it is being counted: an alias in itself has no end
+    counted[id(node)] = limits.CONFIG_VALUES  # until it is counted: an alias inside itself exceeds the limit
     parts = node.value if isinstance(node, yaml.CollectionNode) else ()
     inside = [part for pair in parts for part in pair] if isinstance(node, yaml.MappingNode) else parts
     total = 1 + sum(_count_values(part, counted) for part in inside)
     if total > limits.CONFIG_VALUES:
         raise yaml.MarkedYAMLError(
-            problem=f"stands for more than {limits.CONFIG_VALUES} values", problem_mark=node.start_mark
+            problem=f"expands to more than {limits.CONFIG_VALUES} values", problem_mark=node.start_mark
         )
     counted[id(node)] = total
     return total
 
 
 def _place_and_problem(error: yaml.MarkedYAMLError, text: str) -> str:
-    """Return the parser's own words for the problem, and its place as an editor counts lines."""
+    """Return the parser's description of the problem with its line and column, counted from 1."""
     mark = error.problem_mark or error.context_mark
     where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
     problem = error.problem or error.context or "damaged"
     lines = text.splitlines()
     line = lines[mark.line] if mark is not None and mark.line < len(lines) else ""
-    tab = "; indent with blanks, not with tabs" if "\t" in line[: len(line) - len(line.lstrip())] else ""
+    tab = "; indent with spaces, not tabs" if "\t" in line[: len(line) - len(line.lstrip())] else ""
     return f"{problem}{where}{tab}"
 
 
 def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
-    """Read a configuration file of that kind (study, layout, model), by default with defaults filled in.
+    """Read a configuration file and check it against the schema of its kind: study, layout or model.
 
-    Raises InputError where the file is absent, is not YAML, or does not match its schema.
+    with_defaults : whether to fill in the defaults of keys that the file omits.
+    Raises InputError if the file does not exist, is not YAML, or does not match its schema.
     """
     loaded = read_yaml(path, kind)
     checked = check_config(loaded, kind, str(path))
@@ -222,13 +234,16 @@ def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[st
 
 
 def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
-    """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
+    """Check a loaded configuration against its schema and fill in the defaults.
+
+    where : name of the file for messages. Raises InputError if the configuration does not match.
+    """
     import jsonschema  # slow to import
 
     if not isinstance(loaded, dict):
         kinds = {type(None): "nothing", str: "a text", list: "a list"}
         what = kinds.get(type(loaded), "a value")
-        raise InputError(f"{where}: holds {what}, no keys; expected a {kind} file, lines of `key: value`")
+        raise InputError(f"{where}: contains {what} instead of keys; expected a {kind} file (`key: value`)")
     if fault := next(_odd_values(loaded), ""):
         raise InputError(f"{where}: {fault}")
     schema = json_schema(kind)
@@ -240,21 +255,21 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
 
 
 def shipped_names(kind: str) -> list[str]:
-    """Names of the layouts or models that ship; `kind` is layout or model."""
+    """Return the names of the layouts or models that ship with the program; `kind` is layout or model."""
     return sorted(path.stem for path in (CONFIG_FOLDER / f"{kind}s").glob("*.yaml"))
 
 
 def config_path(name: str, kind: str, folder: Path) -> Path:
-    """Find a layout or model: the name of one that ships, or a path relative to `folder`.
+    """Find the file of a layout or model by the name of one that ships, or by a path relative to `folder`.
 
-    Raises InputError that lists what there is.
+    Raises InputError with a list of those that ship if there is neither.
     """
     if (kind, name) == ("model", REFERENCE):
         return CONFIG_FOLDER / "references" / f"{name}.yaml"
     if name in shipped_names(kind):
         return CONFIG_FOLDER / f"{kind}s" / f"{name}.yaml"
     path = folder / name
-    if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
+    if os.path.isfile(path):  # noqa: PTH113 -- also False, not an error, for an impossible file name
         return path
     near = nearest(name, shipped_names(kind)) or slash_hint(name)
     raise InputError(
@@ -279,11 +294,11 @@ _IN_WORDS = {
     **dict.fromkeys(("maximum", "maxItems", "maxLength"), "at most"),
     "exclusiveMinimum": "more than",
 }
-"""What the patterns, types and bounds of the schemas mean."""
+"""Descriptions, for messages, of the patterns, types and bounds in the schemas."""
 
 
 def _sentence(error: Any) -> str:
-    """Explain an error of jsonschema: its key, the value there, and what was expected."""
+    """Describe an error that jsonschema found: the key, its value, and what was expected."""
     path, instance, rule, value = error.absolute_path, error.instance, error.validator, error.validator_value
     text = repr(instance) if isinstance(instance, str) else json.dumps(instance, default=str)
     actual = "is empty" if instance is None else f"is {shorten(text, 100)}"
@@ -306,20 +321,20 @@ def _sentence(error: Any) -> str:
         meaning = f": {error.schema['description']}" if isinstance(instance, list | dict) else ""
         fault = f"{size}{letters}; expected {_IN_WORDS[rule]} {value}{meaning}"
     elif rule == "uniqueItems":
-        fault = f"{actual}, which names one thing twice"
+        fault = f"{actual}, which has an entry twice"
     else:
         fault = shorten(error.message, 200)
     return ": ".join(filter(None, (".".join(map(str, path)), fault)))
 
 
 def _odd_values(value: Any, where: str = "") -> Iterator[str]:
-    """Report values that JSON Schema accepts or fails on: .nan, .inf, huge numbers, control characters."""
+    """Describe values that JSON Schema cannot refuse: .nan, .inf, huge numbers and control characters."""
     if isinstance(value, float) and not math.isfinite(value):
         yield f"{where}: is {value}; expected a finite number"
     if isinstance(value, int) and abs(value) > limits.LARGEST_WHOLE:
         yield f"{where}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"
     if isinstance(value, str) and any(ord(c) < 32 and c not in "\n\t" for c in value):
-        yield f"{where}: holds a control character"
+        yield f"{where}: contains a control character"
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, part in parts:
         yield from _odd_values(part, f"{where}.{key}" if where else str(key))

@@ -1,4 +1,4 @@
-"""Formats of recordings: the one registry that readers, `new`, `inspect`, sheets and mappings go by."""
+"""Registry of the file formats of recordings, used by readers, sheets, mappings, `new` and `inspect`."""
 
 from __future__ import annotations
 
@@ -11,16 +11,30 @@ from typing import Any
 
 @dataclass(frozen=True)
 class FileFormat:
-    """A file format of recordings. Functions are named MODULE.FUNCTION, imported when they are needed.
+    """A file format of recordings. Functions are named as MODULE.FUNCTION and imported when they are needed.
 
-    endings : of files in this format. reader : function of `readers/formats` that reads it, with or without a
-    mapping; it takes path, layout and mapping, and returns Samples or an iterator of Samples, part by part.
-    what : a file that a mapping is for, in the guide's page of keys; empty where there is none.
-    mapped_reader : function that reads it by a mapping, where that is another. needs_mapping : whether it is
-    read by one only. inspector : function of `readers/inspection` that describes a file by a layout; empty
-    where `inspect` cannot. receiver_keys : keys of a mapping's receiver that are read. needs_no_orientation :
-    subject and verb of the sentence that refuses a mapping's key `orientation`; empty where it is needed.
-    takes_study_mapping : whether the mapping that a study file names is for such files too.
+    Attributes
+    ----------
+    endings
+        File name endings of this format.
+    reader
+        Function in `readers/formats` that reads a file, with or without a mapping. It takes path, layout and
+        mapping, and returns Samples or an iterator over parts of them.
+    what
+        What a mapping of this format reads, in the guide's words; empty if there are no such mappings.
+    mapped_reader
+        Function that reads a file by a mapping, if `reader` does not.
+    needs_mapping
+        Whether a file can only be read by a mapping.
+    inspector
+        Function in `readers/inspection` that describes a file; empty if `inspect` has none.
+    receiver_keys
+        Keys that a receiver can have in a mapping.
+    needs_no_orientation
+        Subject and verb of the message that rejects a mapping's key `orientation`; empty if it is allowed.
+    takes_study_mapping
+        Whether the mapping that the study file names applies to files of this format.
+
     """
 
     endings: tuple[str, ...]
@@ -51,7 +65,7 @@ FORMATS = {
     "capture": FileFormat(
         (".arrows",),
         "raw_capture.read_capture",
-        "a raw capture (`.arrows`), of which only receivers are to be said",
+        "a raw capture (`.arrows`), for which only the receivers are stated",
         takes_study_mapping=False,
     ),
     "xdf": FileFormat((".xdf", ".xdfz"), "xdf.read_xdf", "a LabStreamingLayer recording"),
@@ -73,18 +87,18 @@ FORMATS = {
 }
 AUTO = "auto"
 UNMAPPED = tuple(name for name, form in FORMATS.items() if not form.needs_mapping)
-"""Formats that say themselves what their numbers are."""
+"""Formats that can be read without a mapping because they define units and columns themselves."""
 MAPPED = {name: form.what for name, form in FORMATS.items() if form.what}
-"""Formats that can be read by a mapping, which says which, and what a file in each is."""
+"""Formats that a mapping can name under `format`, each with a description of its files."""
 
 
 def format_of(path: Path) -> FileFormat | None:
-    """Return the format that a file's ending means; None where it means none."""
+    """Return the format of files with this ending, or None if the ending is unknown."""
     return next((form for form in FORMATS.values() if path.name.lower().endswith(form.endings)), None)
 
 
 def function_of(package: str, name: str) -> Callable[..., Any]:
-    """Import a function of the registry; package : of its module, by its whole name."""
+    """Import a function by its MODULE.FUNCTION name in the registry; package : full name of its package."""
     module, _, function = name.partition(".")
     imported: Callable[..., Any] = getattr(importlib.import_module(f"{package}.{module}"), function)
     return imported

@@ -1,7 +1,7 @@
-"""Findings: contradictions between a recording's declared properties and its poses; sentences are made on
-display.
+"""Findings: contradictions between a recording's declared properties and its poses.
 
-Kinds are explained in `mistakes.yaml`; sentences by kind and variant are in `finding_sentences.yaml`.
+A finding is stored as a kind, a variant and values; its sentence is composed when it is displayed.
+`mistakes.yaml` explains the kinds; `finding_sentences.yaml` has the sentences by kind and variant.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 EXIT_CODES = {NOTE: 0, SUSPECT: 1, REFUSED: 2}
-"""Exit codes of a check by the gravest finding."""
+"""Exit code of a check by the severity of its most severe finding."""
 STAGE = "check_recordings"
 
 LEAST_LOST = 2.0
-"""Percent of a receiver's poses in a recording; fewer that are left out change no number that is shown."""
+"""Percentage of a receiver's poses in a recording; leaving out fewer changes no number that is displayed."""
 
 Values = Mapping[str, Any]
-"""By name: numbers, words, or lists of them, as JSON has them."""
+"""Values of a finding by name: numbers, words, or lists of them, all of JSON types."""
 
 _SENTENCES: dict[str, Any] = yaml.load(
     (ROOT / "schemas" / "finding_sentences.yaml").read_bytes(), yaml.CBaseLoader
@@ -47,16 +47,27 @@ def extracted(
     content = yaml.load(file, yaml.CBaseLoader)
     texts = [text for mistake in content["mistakes"].values() for text in mistake.values()]
     for text in (*texts, *content["evidence"].values(), content["effect"], *content["problems"].values()):
-        if not isinstance(text, dict):  # keys of a mapping stay as they are
+        if not isinstance(text, dict):  # a cure that lists keys of a mapping is not translated
             yield 0, "ngettext" if isinstance(text, list) else None, text, []
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding in one recording. severity : refused (not used), suspect (judges nothing) or note.
+    """One finding in one recording.
 
-    variant : which of its kind's sentences says it, see `finding_sentences.yaml`. values : what it is made
-    of, numbers to six digits, as tables keep them. accepted : the reason of a study that lets it stand.
+    Attributes
+    ----------
+    kind
+        Key of its description in `mistakes.yaml` or `finding_sentences.yaml`.
+    severity
+        refused (the recording is not used), suspect (its hand's joints are not believed) or note.
+    variant
+        Which of its kind's sentences in `finding_sentences.yaml` applies.
+    values
+        Values to fill into the sentence, numbers rounded to six digits as in tables.
+    accepted
+        The reason that the study states for accepting the finding, or empty.
+
     """
 
     kind: str
@@ -70,13 +81,15 @@ class Finding:
 
     @property
     def key(self) -> str:
-        """The name of its kind's variant among MISTAKES and PROBLEMS."""
+        """Key of its sentences in MISTAKES or PROBLEMS: the kind, with the variant if it has one."""
         return f"{self.kind}/{self.variant}" if self.variant else self.kind
 
     @property
     def message(self) -> str:
-        """The sentence: of a mistake its description, evidence, cure and the reason to accept it; of others
-        by kind, or the text in its values.
+        """The finding as a sentence.
+
+        For a mistake: its description, evidence, cure and the reason for accepting it. For other findings:
+        the sentence of their kind, or the text in their values.
         """
         if self.key in MISTAKES:
             return self.with_cure(f"{self.what} ({self.evidence})" if self.evidence else self.what)
@@ -87,7 +100,7 @@ class Finding:
         return segment + foreign(str(self.values.get("text", "")))
 
     def with_cure(self, what: str) -> str:
-        """Join the description of a mistake and its cure in a sentence; without `what` the cure alone."""
+        """Return a sentence of the description `what` of a mistake and its cure, or of the cure alone."""
         cure = self.cure
         text = tr("{what}; {cure}", what=what, cure=cure) if what else cure[0].upper() + cure[1:]
         text = tr("{text}.", text=text)
@@ -118,10 +131,10 @@ class Finding:
 
     @property
     def evidence(self) -> str:
-        """What undoing a mistake changes, and how much it matters; empty where poses alone show it."""
+        """How the poses improve if the mistake is undone, and its effect; empty if neither was determined."""
         placeholders, seen = _placeholders(self.values), self.values.get("seen", "")
         evidence = [tr(EVIDENCE[seen], **placeholders)] if seen else []
-        if "effect" in self.values and seen not in ("scale", "reach"):  # of an absurd size a gap says nothing
+        if "effect" in self.values and seen not in ("scale", "reach"):  # at a wrong scale a gap means nothing
             evidence.append(tr(EFFECT, **placeholders))
         return "; ".join(evidence)
 
@@ -132,7 +145,7 @@ class Finding:
 
     @property
     def columns(self) -> dict[str, str]:
-        """Columns of a table's row; values as JSON, empty where there is none."""
+        """Columns of its row in a table; values as JSON text, empty if it has none."""
         return {
             "kind": self.kind,
             "severity": self.severity,
@@ -143,31 +156,31 @@ class Finding:
         }
 
     def accept(self, reason: str) -> Finding:
-        """Return the finding as accepted by the study with that reason: a suspect one becomes a note."""
+        """Return the finding as a note with the study's reason if it is suspect, else unchanged."""
         if not reason or self.severity != SUSPECT:
             return self
         return replace(self, severity=NOTE, accepted=reason)
 
 
 def severity_of_loss(percent: float) -> str:
-    """Return the severity of leaving out this percentage of a receiver's poses; a note changes no number."""
+    """Return the severity of leaving out this percentage of a receiver's poses: note below LEAST_LOST."""
     return SUSPECT if percent >= LEAST_LOST else NOTE
 
 
 def finding_of_text(kind: str, severity: str, text: str) -> Finding:
-    """Make a finding of a message, or of a text of which nothing else is known, as of a reader's refusal."""
+    """Make a finding of a finished message, such as a reader's error, that has no values to fill in."""
     return Finding(kind, severity, values={"text": text})
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON keeps it, numbers to six digits."""
+    """Return a value in JSON types, with floats rounded to six significant digits."""
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def problem_row(stage: str, finding: Finding, **where: str) -> ProblemsRow:
-    """Return a row of the problems table; where : what it is about, of its first columns."""
+    """Return a row of the problems table; where : the subject, session, hand, task and model it is about."""
     columns: Any = dict.fromkeys(("subject", "session", "hand", "task", "model"), "")
     row: ProblemsRow = {"stage": stage}
     row |= columns | where | finding.columns
@@ -175,19 +188,19 @@ def problem_row(stage: str, finding: Finding, **where: str) -> ProblemsRow:
 
 
 def problem_of(row: FindingsRow) -> ProblemsRow:
-    """Return a row of the findings table as the problems table has it."""
+    """Return the row of the problems table for a row of the findings table."""
     kept: Any = {name: value for name, value in row.items() if name != "trial"}
     problem: ProblemsRow = kept | {"task": title_of(row), "model": "", "stage": STAGE}
     return problem
 
 
 def title_of(row: Mapping[str, Any]) -> str:
-    """Return the task and the trial, where there is one, of a table's row."""
+    """Return the task of a table's row, followed by its trial if it has one."""
     return ", ".join(filter(None, (row["task"], row["trial"])))
 
 
 def moved_finding(row: MovedReceiversRow) -> Finding:
-    """Return the finding of a row of moved_receivers."""
+    """Return the finding for a row of moved_receivers."""
     is_timed = row["from_s"] is not None and math.isfinite(row["from_s"])
     values = {
         "segment": row["segment"],
@@ -201,31 +214,36 @@ def moved_finding(row: MovedReceiversRow) -> Finding:
 
 
 def finding_of(row: Mapping[str, Any]) -> Finding:
-    """Return the finding of a table's row."""
+    """Return the finding that a row of findings or problems describes."""
     values = values_of(row["values"])
     return Finding(row["kind"], row["severity"], row["variant"], values, row["accepted"])
 
 
 def values_of(text: str) -> Values:
-    """Return the values of a table's column."""
+    """Return the values in a cell of the column `values`."""
     return dict(json.loads(text)) if text else {}
 
 
 def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Finding:
-    """Return that the poses are those of another recording; subject : where it is another's, or session's."""
+    """Return the finding that the poses equal those of another recording.
+
+    subject, session : whose the other recording is; empty if they are the same as this one's.
+    """
     other = {"subject": subject, "session": session, "hand": hand, "task": task}
     return Finding("same-file", SUSPECT, values=other)
 
 
 def unchecked_finding(message: str) -> Finding:
-    """Return the note that a recording could not be checked."""
+    """Return a note that a recording could not be checked, with the reason in `message`."""
     return Finding("unchecked", NOTE, "", {"reason": message})
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A row that has a fault. what : what is wrong there, where that differs from row to row. evidence : what
-    shows it there. Both are empty where the fault's text says it all.
+    """A row of the problems table that has a fault.
+
+    what : description of the fault in this row, if it differs between the rows. evidence : evidence for it in
+    this row. Both are empty if the fault's text is complete without them.
     """
 
     row: ProblemsRow
@@ -235,7 +253,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault. text : what is wrong, what to do, and why it is accepted, if it is."""
+    """A fault and the rows that have it. text : what is wrong, the cure, and why it is accepted, if it is."""
 
     severity: str
     accepted: str
@@ -244,12 +262,12 @@ class Fault:
 
 
 def row_sentence(row: ProblemsRow) -> str:
-    """Return the sentence of one row."""
+    """Return the sentence that describes one row of the problems table."""
     return finding_of(row).message or foreign(row["message"])
 
 
 def faults(rows: Iterable[ProblemsRow]) -> list[Fault]:
-    """Group rows of the same fault: equal kind, variant, severity, cure and reason to accept it."""
+    """Group rows with the same fault, those of equal stage, kind, variant, severity, acceptance and cure."""
     groups: dict[tuple[str, ...], list[ProblemsRow]] = {}
     for row in rows:
         finding = finding_of(row)
@@ -271,12 +289,12 @@ def _fault(rows: list[ProblemsRow]) -> Fault:
 
 
 def in_quotes(text: str) -> str:
-    """Return text for a terminal, with quotes instead of backticks."""
+    """Return text for a terminal, with double quotes instead of backticks."""
     return text.replace("`", '"')
 
 
 def _placeholders(values: Values) -> dict[str, Any]:
-    """Return the values, and the phrases that are made of several of them."""
+    """Return the values for a sentence's placeholders, with phrases that combine several of them."""
     phrases: dict[str, Any] = {"others": 0, **values}
     if "first_s" in values:
         phrases["at"] = tr("at {time_s:.2f} s", time_s=values["first_s"])
@@ -313,6 +331,6 @@ def _placeholders(values: Values) -> dict[str, Any]:
         person += tr(", session {session}", session=values["session"]) if values["session"] else ""
         hand = tr("{hand} hand", hand=values["hand"])
         phrases["other"] = tr(", ").join(filter(None, (person, hand, values["task"])))
-    # what is to be written into a file stays as it is, whatever the language
+    # a name to be typed into a file is not translated
     phrases["code"] = values.get("segment", values.get("hand", ""))
     return phrases

@@ -22,8 +22,8 @@ from shukotsu.tables.whole_files import file_state
 Vector = tuple[float, float, float]
 
 FINGER_MM, ARM_MM = 2.0, 10.0
-"""Default error wanted of a joint's centre: for a hand a fifth of a finger's thickness; for thicker limbs,
-whose skin moves by centimetres, the same share of an arm's.
+"""Default accuracy required of a joint's centre: for a hand, a fifth of a finger's thickness; for thicker
+limbs, whose skin moves by centimetres, a fifth of an arm's.
 """
 FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
 
@@ -32,10 +32,11 @@ _AXES: dict[str, Vector] = {"distal": (1.0, 0.0, 0.0), "lateral": (0.0, 1.0, 0.0
 
 @dataclass(frozen=True)
 class Segment:
-    """A bone's rigid body; its receiver's axes by what they point at.
+    """A bone's rigid body and how its receiver is mounted.
 
-    receiver, left_receiver : the tracker's station number, of a left hand where that has its own; of the
-    layout of a left hand (`Layout.of_hand`) they are exchanged.
+    receiver, left_receiver : station numbers at the tracker of this hand and of the other one. They are as
+    in the file for a right hand and are exchanged for a left hand (`Layout.of_hand`).
+    distal, lateral, dorsal : these directions of the bone as unit vectors in the receiver's frame.
     """
 
     name: str
@@ -49,13 +50,13 @@ class Segment:
 
     @property
     def axes(self) -> npt.NDArray[np.float64]:
-        """(3, 3) from the bone's axes (distal, lateral, dorsal) to the receiver's."""
+        """Rotation (3, 3) from the bone's frame (distal, lateral, dorsal) to the receiver's."""
         return np.stack([self.distal, self.lateral, self.dorsal], -1)
 
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane that cuts a joint's axis, in the frame of the parent's or the child's receiver; or none."""
+    """The plane that cuts a joint's axis. frame : parent or child, in whose receiver's frame it is given."""
 
     frame: str
     point_mm: Vector
@@ -66,10 +67,10 @@ class Plane:
 class Joint:
     """A joint between two receivers.
 
-    `parent` and `child` are the segments of the anatomical tree; `parent_receiver` is the nearest
-    segment towards the body that carries a receiver (for the MCP joints of the fingers the hand).
-    compound : whether a joint that moves lies between the two receivers besides this one (for the MCP
-    joints of the ring and the little finger their CMC joints).
+    parent, child : segments of the anatomical tree. parent_receiver : the nearest segment towards the body
+    that carries a receiver (the hand, for the MCP joints of the fingers). dof : degrees of freedom.
+    compound : whether another moving joint lies between the two receivers (the CMC joints, for the MCP joints
+    of the ring and the little finger).
     """
 
     name: str
@@ -85,7 +86,8 @@ class Joint:
 class Digit:
     """A chain from its base segment outward; joint i is the proximal end of segment i.
 
-    base : the measured segment that the chain hangs from. metacarpal : whether segment 0 is one.
+    base : the segment with a receiver that the chain is attached to. metacarpal : whether segment 0 is a
+    metacarpal.
     """
 
     name: str
@@ -96,13 +98,16 @@ class Digit:
 
     @property
     def tip(self) -> str:
-        """The segment whose receiver origin is the tip."""
+        """The last segment, whose receiver's origin is taken as the tip."""
         return self.segments[-1]
 
 
 @dataclass(frozen=True)
 class Wrist:
-    """Where digits start that have no first joint of their own; mm in the hand receiver's frame."""
+    """The common start of digits whose first joint is not measured. Points are in mm, hand receiver's frame.
+
+    nominal_mm : default position. point_mm : measured position, or None.
+    """
 
     joint: str
     segment: str
@@ -112,9 +117,10 @@ class Wrist:
 
 @dataclass(frozen=True)
 class Layout:
-    """One layout file, read and checked. wanted_mm : the largest 1-sigma error, in 3-D, of a joint's centre
-    that is to be believed. receiver_height_mm : of the tracked point over its receiver's base; None where it
-    is not named.
+    """The content of a layout file.
+
+    wanted_mm : largest 1-sigma error in 3-D at which a joint's centre is believed. receiver_height_mm :
+    height of a receiver's tracked point above its base, or None if the file does not state it.
     """
 
     name: str
@@ -128,21 +134,21 @@ class Layout:
 
     @property
     def is_hand(self) -> bool:
-        """Return whether it is of a hand: it has a wrist, or digits that are named as a hand's."""
+        """Whether the layout describes a hand: it has a wrist, or a digit with the name of a hand's digit."""
         return self.wrist is not None or bool(FINGERS & {*self.digits})
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """Segments that carry a receiver, optional ones among them, in the layout's order."""
+        """Segments that carry a receiver, including optional ones, in the layout's order."""
         return tuple(s.name for s in self.segments.values() if s.measured)
 
     @property
     def expected(self) -> tuple[str, ...]:
-        """Segments of which a recording should hold poses: measured and not optional."""
+        """Segments whose poses every recording should contain: measured and not optional."""
         return tuple(name for name in self.measured if not self.segments[name].optional)
 
     def of_hand(self, hand: str) -> Layout:
-        """Return the layout with the station numbers of a right or left hand."""
+        """Return the layout with the station numbers of the given hand (right or left)."""
         if hand != "left":
             return self
         segments = {
@@ -151,9 +157,10 @@ class Layout:
         }
         return replace(self, segments=segments)
 
-    def is_as(self, other: Layout) -> bool:
-        """Return whether both have the same bodies, joints and digits, so that they may differ only in which
-        receivers are worn and what their station numbers are.
+    def matches(self, other: Layout) -> bool:
+        """Return whether both have the same segments, joints, digits and wrist.
+
+        They may differ in station numbers and in which receivers are optional.
         """
         bodies, others = (
             {s.name: (s.measured, *(s.axes.ravel() if s.measured else ())) for s in layout.segments.values()}
@@ -164,12 +171,12 @@ class Layout:
 
     @property
     def solvable(self) -> tuple[Joint, ...]:
-        """Joints between two receivers: those that Eq. 1-7 can solve."""
+        """Joints that Eq. 1-7 can solve because a receiver is worn on both sides of them."""
         return tuple(j for j in self.joints.values() if self.segments[j.child].measured)
 
 
 def read_layout(name: str | Path, folder: Path = Path()) -> Layout:
-    """Read a layout by name or path (relative to `folder`); InputError where it is wrong."""
+    """Read a layout by name or path (relative to `folder`). Raises InputError if it is missing or invalid."""
     path = config_path(str(name), "layout", folder)
     return _read(path, *file_state(path))
 
@@ -180,7 +187,10 @@ def _read(path: Path, *_: int) -> Layout:
 
 
 def layout_from_config(config: dict[str, Any], where: str) -> Layout:
-    """Make a layout of a checked file's content; `where` names it in the InputError of one that is wrong."""
+    """Build a layout from the content of a file that matches its schema.
+
+    where : name of the file for messages. Raises InputError if the content contradicts itself.
+    """
     axes = _AXES | {k: _vector(v) for k, v in config.get("receiver_axes", {}).items()}
     segments = {name: _segment(name, part, axes, where) for name, part in config["segments"].items()}
     _check_receivers(segments, where)
@@ -231,7 +241,7 @@ def _check_receivers(segments: dict[str, Segment], where: str) -> None:
 
 
 def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, dict[str, Any]]:
-    """Return the joint above each segment, by that segment; refused unless together they are a tree."""
+    """Return each child segment's joint. Raises InputError unless the joints form a tree."""
     joint_to: dict[str, dict[str, Any]] = {}
     for name, part in config["joints"].items():
         for end in ("parent", "child"):

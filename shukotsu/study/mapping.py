@@ -1,4 +1,4 @@
-"""A mapping: how to read a laboratory's own file, with every unit and convention stated and none guessed."""
+"""A mapping describes how to read a laboratory's own file format; no unit or convention is guessed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from shukotsu.tables.limits import MM_PER_UNIT
 
 @dataclass(frozen=True)
 class FileMapping:
-    """One mapping file, read and checked; the keys of `config` are those of `json/mapping.schema.json`."""
+    """The content of a mapping file; the keys of `config` are defined in `json/mapping.schema.json`."""
 
     where: str
     format: str
@@ -29,23 +29,30 @@ class FileMapping:
 
     @property
     def position_axes(self) -> tuple[str, ...]:
-        """Return the file's axes that are x, y and z: each a letter, with a minus where it is negated."""
+        """The file's axes that become x, y and z: letters, each preceded by a minus if it is negated."""
         return tuple(self.config.get("position_axes", "xyz"))
 
     @property
     def details(self) -> Mapping[str, Any]:
-        """The group of keys that belongs to the format, defaults filled in; empty where there is none."""
+        """The format's own group of keys with defaults filled in; empty if the format has none."""
         group: Mapping[str, Any] = self.config.get(self.format, {})
         return group
 
 
 def read_mapping(path: Path, hand: str = "right") -> FileMapping:
-    """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
+    """Read a mapping file for a hand (right or left).
+
+    Raises InputError if it does not exist, is not YAML, is incomplete or contradicts itself.
+    """
     return mapping_from_config(read_yaml(path, "mapping"), str(path), hand)
 
 
 def mapping_from_config(loaded: Any, where: str, hand: str = "right") -> FileMapping:
-    """Check a loaded mapping, fill in its defaults; `where` names it in messages; hand : whose receivers."""
+    """Check a loaded mapping and fill in its defaults.
+
+    where : name of the mapping for messages. hand : right or left, which selects the receivers.
+    Raises InputError if the mapping is incomplete or contradicts itself.
+    """
     if isinstance(loaded, dict) and (fault := next(_first_faults(loaded), "")):
         raise InputError(f"{where}: {fault}")
     config = check_config(loaded, "mapping", where)
@@ -68,7 +75,7 @@ def mapping_from_config(loaded: Any, where: str, hand: str = "right") -> FileMap
 
 
 _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
-"""Placeholder in a drafted mapping where the file does not determine a value."""
+"""Placeholder in a drafted mapping for a value that cannot be inferred from the file."""
 
 _SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -88,7 +95,7 @@ def _unedited_keys(value: object, path: str) -> Iterator[str]:
 
 
 def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
-    """Report the most frequent faults of a draft or a first mapping before the schema does."""
+    """Yield messages about the most frequent mistakes that are clearer than those of the schema check."""
     if places := list(dict.fromkeys(_unedited_keys(loaded, ""))):
         verb = "says" if len(places) == 1 else "say"
         yield f"{list_names(places, 4)} still {verb} CHECK: put the truth there"
@@ -98,7 +105,7 @@ def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
             bare = re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_")
             guess = f"; did you mean {bare!r}?" if _SEGMENT_NAME.fullmatch(bare) else ""
             yield (
-                f"receivers: {name!r} is no segment's name; names are lower case letters, digits and "
+                f"receivers: {name!r} is not a valid segment name; names are lower case letters, digits and "
                 f"underscores{guess}"
             )
 
@@ -107,14 +114,14 @@ _NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
 _NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
 
 _WIDE_KEYS = ("position", "orientation", "time", "quality")
-"""Keys of a receiver that csv with wide rows reads."""
+"""Keys that a receiver can have in a mapping of format csv with wide rows."""
 
 _LONG_KEYS = ("receiver", "position", "orientation")
-"""Keys of csv with long rows."""
+"""Keys that the group `csv` must have with long rows."""
 
 
 def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
-    """Report contradictions in a mapping that its schema allows; keys : those of the file itself."""
+    """Yield messages about contradictions that the schema allows; keys : those in the file, not defaults."""
     form, axes = config["format"], config["position_axes"]
     odd = sorted(FORMATS.keys() & {*keys} - {form})
     if odd:
@@ -145,7 +152,7 @@ def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
         stated = {name: name in config for name in ("orientation", "rate_hz")}
         stated |= {"fixed": bool(config["fixed"]), "position_axes": axes != ["x", "y", "z"]}
         if key := next((name for name, is_stated in stated.items() if is_stated), None):
-            yield f"{key}: a raw capture says it itself; leave it out"
+            yield f"{key}: is stated in the raw capture itself; leave it out"
 
 
 def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[str]:
@@ -159,7 +166,7 @@ def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[s
     if odd:
         yield f"orientation.{odd[0]}: does not belong to {kind}; leave it out"
     if axes[0] == axes[1] or axes[1] == axes[2]:
-        yield f"orientation.axes: {axes} turns twice in a row about one axis"
+        yield f"orientation.axes: {axes} rotates twice in a row about the same axis"
 
 
 def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
@@ -167,7 +174,7 @@ def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
     if table["delimiter"] == table["decimal"]:
         yield "csv.decimal: the comma cannot both separate cells and be a decimal mark"
     if "orientation" not in config:
-        yield "the key 'orientation' is missing: a receiver has positions and turns; say where"
+        yield "the key 'orientation' is missing: state how the file represents the receivers' orientations"
     missing = [key for key in _LONG_KEYS if key not in table]
     if long and missing:
         yield f"csv: long rows need the key {', '.join(map(repr, missing))}"

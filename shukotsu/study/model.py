@@ -1,4 +1,4 @@
-"""A skeleton model: one YAML file that says how each stage treats the joints and the metacarpals."""
+"""A skeleton model: one YAML file that states how each stage treats the joints and the metacarpals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from shukotsu.tables.whole_files import file_state
 
 @dataclass(frozen=True)
 class JointSolving:
-    """The group `joints` of a model file: how joints are solved, and from which recordings."""
+    """The group `joints` of a model file: how joints are solved and from which recordings."""
 
     solver: str
     singular_values: int
@@ -33,7 +33,7 @@ class Planes:
 
 @dataclass(frozen=True)
 class HandFitting:
-    """The group `fit`, of a model that fits the whole hand at once."""
+    """The group `fit` of a model that fits the whole hand at once."""
 
     share_lengths: bool
     contacts: tuple[str, ...]
@@ -43,7 +43,7 @@ class HandFitting:
 
 @dataclass(frozen=True)
 class MetacarpalPosing:
-    """The group `metacarpals`: how they are posed."""
+    """The group `metacarpals`: how the metacarpals are posed."""
 
     unmeasured: str
     measured: str
@@ -53,10 +53,10 @@ class MetacarpalPosing:
 
 @dataclass(frozen=True)
 class SkeletonModel:
-    """One model file, read and checked: its groups, each with the keys of `json/model.schema.json`.
+    """The content of a model file, in the groups and keys of `json/model.schema.json`.
 
-    A stage takes its group as a whole, so that no key is forgotten. fitting : None where the joints are not
-    fitted as a whole hand.
+    A stage is passed its whole group, so that it cannot miss a key. fitting : None for a model that solves
+    joints one by one.
     """
 
     name: str
@@ -71,23 +71,25 @@ class SkeletonModel:
 
     @property
     def solving(self) -> JointSolving:
-        """Return how to solve joints one by one. Of a hand that is fitted as a whole this says only how well
-        their halves can close and of how many frames, which the closed form with all values free gives.
+        """How to solve the joints one by one.
+
+        For a model that fits the whole hand: the closed form with all six singular values. Its solutions only
+        provide each joint's gap and number of frames.
         """
         free = replace(self.joints, solver="closed", singular_values=6)
         return self.joints if self.fitting is None else free
 
     @property
     def is_reference(self) -> bool:
-        """Return whether it is the average hand, independent of the data."""
+        """Whether the model is the average hand, fitted in no steps and so independent of the data."""
         return self.fitting is not None and not self.fitting.steps
 
 
-def the_papers(models: Iterable[SkeletonModel]) -> str:
-    """The name of the paper's skeleton: of the models of its tables that nobody corrected by hand the last.
+def paper_skeleton(models: Iterable[SkeletonModel]) -> str:
+    """Return the name of the paper's skeleton, or an empty string if the models do not include it.
 
-    Empty where there is none. The first of them leaves metacarpals at rest; it is worse by centimetres than
-    any other and therefore no useful baseline.
+    It is the model of the paper's last table that uses no manual corrections. The model of the first table
+    leaves the metacarpals at rest and is centimetres worse than all others, so it is not a useful baseline.
     """
     of_table = {
         model.paper_table: model.name
@@ -98,7 +100,7 @@ def the_papers(models: Iterable[SkeletonModel]) -> str:
 
 
 def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
-    """Read a model by name or path (relative to `folder`); InputError where it is wrong."""
+    """Read a model by name or path (relative to `folder`). Raises InputError if it is missing or invalid."""
     path = config_path(str(name), "model", folder)
     return _read(path, *file_state(path))
 
@@ -108,13 +110,16 @@ def _read(path: Path, *_: int) -> SkeletonModel:
     config = read_config(path, "model")
     if config["model"] != path.stem:
         raise InputError(
-            f"{path}: model: is {config['model']!r}; expected the file's own name, {path.stem!r}"
+            f"{path}: model: is {config['model']!r}; expected the name of the file, {path.stem!r}"
         )
     return model_from_config(config, str(path))
 
 
 def model_from_config(config: dict[str, Any], where: str) -> SkeletonModel:
-    """Make a model of a checked file's content; `where` names it in the InputError of one that is wrong."""
+    """Build a model from the content of a file that matches its schema.
+
+    where : name of the file for messages. Raises InputError if the settings contradict each other.
+    """
     joints, planes, metacarpals = config["joints"], config["planes"], config["metacarpals"]
     if planes["corrections"] and not planes["cut"]:
         raise InputError(f"{where}: planes.corrections: is true, but planes.cut: false makes centres final")
@@ -141,7 +146,7 @@ def _with_tuples(group: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_fit(where: str, config: dict[str, Any], *, whole_hand: bool) -> None:
-    """Refuse a model whose joints or metacarpals do not go with its fit of the whole hand, or with none."""
+    """Raise InputError if planes or metacarpals are incompatible with the model's `fit.whole_hand`."""
     fitted = [key for key in ("unmeasured", "measured") if config["metacarpals"][key] == "fitted"]
     if fitted and not whole_hand:
         raise InputError(

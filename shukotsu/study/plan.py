@@ -1,4 +1,4 @@
-"""A subject's plan: everything that the stages need to know about one subject of the study."""
+"""A subject's plan: everything that the stages need to know of the study about one subject."""
 
 from __future__ import annotations
 
@@ -25,16 +25,37 @@ from shukotsu.tables.whole_files import remedy_of
 
 @dataclass(frozen=True)
 class SubjectPlan:
-    """One subject of a study, in one session where the recordings sheet names any.
+    """Plan of one subject, for a single session if the recordings sheet has sessions.
 
-    folder : the subject's results, results/<study>/sub-S. sizes_mm : of the hand, by SIZES, None where not
-    measured. factors : the subject's levels, by the participants sheet. layouts : by hand. models : by name,
-    in the study's order. rows : the subject's rows of HAND_SHEETS, by sheet. sheets : their paths, for
-    messages. is_study : whether the recordings' roles say what calibrates a model and which tasks are left
-    out in turn; else every recording is used as a command line names it. refused : recordings that a finding
-    refuses, which are excluded with its sentence. suspect : those that a finding suspects. named_tables :
-    tables that a command line names, by name, hand and model, these two empty but for a fit's; None where all
-    are read from the subject's folder. named_poses : likewise poses tables, by key_in_session.
+    Attributes
+    ----------
+    study, who
+        Names of the study, and of the subject and session.
+    folder
+        Folder of the subject's results, results/<study>/sub-S.
+    sizes_mm
+        Sizes of the hand by their names in SIZES; None if not measured.
+    factors
+        The subject's levels of the study's factors, from the participants sheet.
+    recordings
+        All recordings, including excluded ones.
+    layouts, models
+        Layouts by hand, and models by name in the study's order.
+    rows, sheets
+        The subject's rows of each sheet in HAND_SHEETS, and the sheets' paths for messages.
+    is_study
+        Whether the recordings' roles determine which recordings calibrate a model and which tasks are left
+        out in turn; if not, recordings are used as the command line names them.
+    refused
+        Recordings that a finding refuses; they are excluded with its sentence as the reason.
+    suspect
+        Recordings that a finding marks as suspect.
+    named_tables
+        Tables named on a command line, by table, hand and model (both empty unless the table is a fit's);
+        None if all tables are read from `folder`.
+    named_poses
+        Poses tables named on a command line, by `Recording.key_in_session`, or None.
+
     """
 
     study: str
@@ -54,29 +75,32 @@ class SubjectPlan:
     named_poses: Mapping[tuple[str, str, str], Path] | None = None
 
     def hand(self, side: str) -> Hand:
-        """The subject's right or left hand."""
+        """Return the subject's hand of this side (right or left)."""
         return Hand(self.who.subject, side, self.who.session)
 
     @property
     def hands(self) -> tuple[str, ...]:
-        """The subject's hands, in the sheet's order."""
+        """Sides of the subject's hands, in the order of the recordings sheet."""
         return tuple(self.layouts)
 
     def poses(self, recording: Recording) -> Path:
-        """Return a recording's poses table. Raises InputError where a command line names others alone."""
+        """Return the file of a recording's poses table.
+
+        Raises InputError if the command line names poses tables but not that of this recording.
+        """
         key = recording.key_in_session
         if self.named_poses is None or (recording.exclude and key not in self.named_poses):
             return self.folder / recording.hand.hand / recording.name / "poses.parquet"
         if key not in self.named_poses:
             raise InputError(
-                f"--poses: lacks those of {recording.hand}, {recording.name}; name their file there"
+                f"--poses: lacks the poses of {recording.hand}, {recording.name}; add their file there"
             )
         return self.named_poses[key]
 
     def table(self, name: str, hand: str = "", model: str = "") -> Path:
-        """Return the file of a table; of a fit of the whole hand that of a hand under a model.
+        """Return the file of a table. hand, model : of which hand and model, for tables of whole-hand fits.
 
-        Raises InputError where a command line names the tables to read, and not this one.
+        Raises InputError if the command line names tables but not this one.
         """
         if self.named_tables is None:
             return table_in(self.folder, name, hand, model)
@@ -84,56 +108,58 @@ class SubjectPlan:
         key = (name, hand, model) if is_of_fit else (name, "", "")
         if key not in self.named_tables:
             whose = f"of the {hand} hand under model {model} " if is_of_fit else ""
-            raise InputError(f"{option_of(name)}: no table {whose}is given; name its file there")
+            raise InputError(f"{option_of(name)}: no table {whose}is given; add its file to the option")
         return self.named_tables[key]
 
     def files_of(self, name: str) -> list[Path]:
-        """Files of a table: one; of a fit of the whole hand one for every hand and fitted model."""
+        """Return the files of a table: one, or for FIT_TABLES one per hand and fitted model."""
         fits = self.fits_of_hands() if name in FIT_TABLES else [("", "")]
         return [self.table(name, *fit) for fit in fits]
 
     def fits_of_hands(self) -> list[tuple[str, str]]:
-        """Return every hand with each model that fits it whole."""
+        """Return all pairs of a hand and a model that fits the whole hand."""
         return [(hand, model) for hand in self.hands for model in self.fitted_models]
 
     @property
     def fitted_models(self) -> tuple[str, ...]:
-        """Models that fit the whole hand."""
+        """Names of the models that fit the whole hand."""
         return tuple(name for name, model in self.models.items() if model.fitting is not None)
 
     def recordings_of(self, hand: str, *roles: str) -> list[Recording]:
-        """The hand's recordings in the given roles, without excluded ones."""
+        """Return the hand's recordings with one of these roles, without excluded ones."""
         return [r for r in self.recordings if r.hand.hand == hand and r.role in roles and not r.exclude]
 
     def evaluated(self, hand: str, made_without: str = "") -> list[Recording]:
-        """Recordings in which tips are evaluated; for a skeleton made without a task, those of that task."""
+        """Return the recordings in which tips are evaluated, or only those of the task `made_without`."""
         recordings = self.recordings_of(hand, "evaluation", "both")
         return [r for r in recordings if made_without in ("", r.task)]
 
     def posed(self, hand: str, made_without: str = "") -> list[Recording]:
-        """Recordings in which a skeleton is posed and measured: all, or those of the task made without.
+        """Return the recordings in which a skeleton is posed and measured.
 
-        Of a hand alone those that the command line names for that.
+        In a study: those evaluated and those for calibration only; for a skeleton made without a task, only
+        recordings of that task. Outside a study: the recordings that the command line names for evaluation.
         """
         whole = self.is_study and not made_without
         calibrating = self.recordings_of(hand, "calibration") if whole else []
         return [*self.evaluated(hand, made_without), *calibrating]
 
     def all_calibrating(self, hand: str) -> list[Recording]:
-        """Recordings that may calibrate the hand under any model."""
+        """Return all recordings that the hand can be calibrated on; a model may use a part of them."""
         return self.recordings_of(hand, "calibration", "both")
 
     def calibrating(self, hand: str, model: str, made_without: str = "") -> list[Recording]:
-        """Recordings from which joints are solved under a model, without one task if it is named."""
+        """Return the recordings that a model solves the joints from, without those of task `made_without`."""
         recordings = [r for r in self.all_calibrating(hand) if not made_without or r.task != made_without]
         scored = [r for r in recordings if r.role == "both"]
         chosen = self.is_study and self.models[model].joints.calibration == "evaluated" and scored
         return scored if chosen else recordings
 
     def left_out(self, hand: str, model: str) -> list[str]:
-        """Tasks to leave out in turn: those evaluated that would else be calibrated on as well.
+        """Return the tasks to leave out in turn because they are used for both calibration and evaluation.
 
-        One without which nothing is left to calibrate on is not among them, and a reference learns from none.
+        A task is not left out if no calibration recording would remain. The reference model uses no data, so
+        no task is left out of it.
         """
         if not self.is_study or self.models[model].is_reference:
             return []
@@ -142,10 +168,11 @@ class SubjectPlan:
         return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
 
     def naming(self, poses: Sequence[Path], tables: Mapping[str, Sequence[Path]]) -> SubjectPlan:
-        """Return the plan with the poses and tables named on a command line, identified by their content.
+        """Return the plan with the poses and tables that a command line names, identified by their content.
 
-        poses : none where they are read from where the plan says. tables : by name. Raises InputError where
-        two files are of the same, TableError where poses are of no recording of the plan.
+        poses : poses tables; if empty, they stay where the plan has them. tables : files by table name.
+        Raises InputError if two files hold the same hand and model of a table, and TableError if poses are
+        of a recording that the plan lacks or that another file already has.
         """
         named: dict[tuple[str, str, str], Path] = {}
         for name, path in ((name, path) for name, paths in tables.items() for path in paths):
@@ -153,7 +180,8 @@ class SubjectPlan:
             for fit in fits:
                 if named.setdefault((name, *fit), path) != path:
                     raise InputError(
-                        f"{option_of(name)}: {path}: is of the same as {named[name, *fit]}; name one of them"
+                        f"{option_of(name)}: {path}: is of the same hand and model as {named[name, *fit]}; "
+                        "name only one of them"
                     )
         files: dict[tuple[str, str, str], Path] = {}
         recordings = {(r.hand, r.task, r.trial): r.key_in_session for r in self.recordings}
@@ -184,22 +212,25 @@ class SubjectPlan:
         return replace(self, recordings=tuple(recordings), refused=tuple(refused), suspect=tuple(suspect))
 
     def doubted(self, hand: str) -> str:
-        """Title of the hand's first recording that a finding refuses or suspects; empty where none does."""
+        """Return the title of the hand's first refused or suspect recording, or an empty string."""
         doubts = (*self.refused, *self.suspect)
         return next((recording.title for recording in doubts if recording.hand.hand == hand), "")
 
     def check_calibration_left(self, hand: str) -> None:
-        """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
+        """Raise InputError with the finding if all calibration recordings of a hand were refused."""
         refused = [recording for recording in self.refused if recording.hand.hand == hand]
         if refused and not self.all_calibrating(hand):
             raise InputError(f"no calibration recording is left: {refused[0].exclude}")
 
     def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
-        """Return a part of the subject's tables."""
+        """Return the key of a hand's skeleton in the subject's tables."""
         return Part(hand, model, made_without, *self.who)
 
     def parts(self, *models: str) -> list[Part]:
-        """Every skeleton of the models (default: all): the whole one, then those without each task."""
+        """Return the keys of all skeletons of these models (default: all models).
+
+        Each hand and model has a skeleton made from all tasks, then one without each task of `left_out`.
+        """
         return [
             self.part(hand, model, task)
             for hand in self.hands
@@ -209,7 +240,7 @@ class SubjectPlan:
 
     @property
     def whole_parts(self) -> list[Part]:
-        """Every whole skeleton."""
+        """Keys of the skeletons that are made from all tasks."""
         return [part for part in self.parts() if not part.made_without]
 
 
@@ -217,8 +248,9 @@ SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
 
 
 def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> list[SheetRow]:
-    """Return a subject's rows of a sheet for a session: its own rows, and rows for all sessions that they do
-    not override.
+    """Return the rows of a subject that apply to a session.
+
+    Rows that name no session apply to all sessions, unless a row of the session has the same key otherwise.
     """
     key = [column for column in sheet.key if column != "session"]
     of_session = [row for row in rows if row["session"] == session]
@@ -233,10 +265,11 @@ def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> lis
 
 @dataclass(frozen=True)
 class NamedHand:
-    """One hand as a command line names it.
+    """One hand as named on a command line.
 
-    calibration, evaluated : poses files, one may be both. subject, session, hand : whose, where no file says.
-    sizes_mm : as of SubjectPlan. sheets : paths of HAND_SHEETS, of which the rows of this hand count.
+    calibration, evaluated : poses files; a file may be in both. subject, session, hand : whose hand it is,
+    needed if the files do not state it. sizes_mm : as in SubjectPlan. sheets : paths by the names in
+    HAND_SHEETS; only rows of this hand are used.
     """
 
     calibration: Sequence[Path]
@@ -249,10 +282,10 @@ class NamedHand:
 
 
 def plan_of_poses(named: NamedHand, layout: Layout, models: Sequence[SkeletonModel]) -> SubjectPlan:
-    """Make a plan of one hand's poses files as a command line names them, for a stage that is run alone.
+    """Make a plan from one hand's poses files, for a stage that runs outside a study.
 
-    Raises InputError where the files are of several hands, or two are of one recording, which would count
-    twice.
+    Raises InputError if the files are of several hands, or if two are of the same recording, whose weight
+    would be doubled.
     """
     poses = [*named.calibration, *named.evaluated]
     whose = one_hand(poses, named.subject, named.session, named.hand)
@@ -271,8 +304,8 @@ def plan_of_poses(named: NamedHand, layout: Layout, models: Sequence[SkeletonMod
         first = file_of.setdefault(recording.key_in_session, path)
         if first != path:
             raise InputError(
-                f"{path}: is of {in_file}, as {first} is; give a recording once, and import another "
-                "repetition with a --trial of its own"
+                f"{path}: is of {in_file}, as {first} is; give each recording once, and import another "
+                "repetition under a different --trial"
             )
         recordings.append(recording)
     sheets = {name: path for name, path in named.sheets.items() if path is not None}

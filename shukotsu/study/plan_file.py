@@ -1,8 +1,8 @@
 """A subject's plan as a file, written from the study by the workflow: `results/<study>/sub-S/plan.json`.
 
-It holds the subject's recordings with their roles, the layout of each hand, the models, sizes and the rows of
-the sheets that are the subject's. A session that the recordings sheet names has a plan of its own,
-`sub-S_ses-X/plan.json`. Paths in it are relative to the working directory.
+It contains the subject's recordings with their roles, the layout of each hand, the models, the hand's sizes
+and the subject's rows of the sheets. Each session named in the recordings sheet has a separate plan,
+`sub-S_ses-X/plan.json`. Paths in a plan are relative to the working directory.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ VERSION = 4
 
 
 class StudyPlans:
-    """Plans of a study's subjects. results : the study's results folder."""
+    """Makes the plans of a study's subjects. results : the study's results folder."""
 
     def __init__(self, study: Study, results: Path) -> None:
         self._study, self._results = study, results
@@ -45,9 +45,9 @@ class StudyPlans:
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
     def content(self, subject: str, session: str = "") -> dict[str, Any]:
-        """Return a subject's plan as JSON types."""
+        """Return a subject's plan in JSON types."""
         study = self._study.of_session(subject, session)
-        asked = study.config["wanted_mm"]
+        wanted_mm = study.config["wanted_mm"]
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
         return {
             "plan": VERSION,
@@ -60,7 +60,7 @@ class StudyPlans:
             "recordings": [_recording(recording, study) for recording in study.recordings],
             "layouts": {
                 hand.hand: self._layouts[path := study.layout_of(hand)]
-                | {"wanted_mm": asked or self._layouts[path]["wanted_mm"]}
+                | {"wanted_mm": wanted_mm or self._layouts[path]["wanted_mm"]}
                 for hand in study.hands
             },
             "models": self._models,
@@ -73,7 +73,7 @@ class StudyPlans:
 
 
 def recordings_part(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a plan's entries on the recordings alone, without models, sizes, factors and measurements."""
+    """Return only the entries of a plan that describe recordings: no models, sizes, factors, measurements."""
     names = ("plan", "subject", "session", "folder", "events")
     recordings = [entry | {"factors": {}} for entry in plan["recordings"]]
     layouts = {hand: layout | {"wanted_mm": None} for hand, layout in plan["layouts"].items()}
@@ -81,9 +81,10 @@ def recordings_part(plan: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fit_part(plan: Mapping[str, Any], hand: str, model: str) -> dict[str, Any]:
-    """Return the part of a plan that a fit uses: its model, and only that hand unless lengths are shared.
+    """Return the part of a plan that a whole-hand fit depends on.
 
-    hand : empty where one job fits both.
+    hand : the hand that is fitted, or empty if one job fits both. Entries of the other hand are left out
+    unless the model shares bone lengths between the hands.
     """
     part = recordings_part(plan)
     for entry in part["recordings"]:
@@ -113,17 +114,17 @@ def _recording(recording: Recording, study: Study) -> dict[str, Any]:
 
 
 def plan_text(plan: Mapping[str, Any]) -> str:
-    """Return a plan as the text of its file; the same plan, the same text."""
+    """Return the text of a plan's file; equal plans give equal texts."""
     return json.dumps(plan, ensure_ascii=False, indent=1) + "\n"  # in the order of layouts and models
 
 
 def plan_digest(*contents: Any) -> str:
-    """Return a digest of parts of a plan, by which the workflow notices changes."""
+    """Return a digest of parts of a plan, by which the workflow detects changes."""
     return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def read_plan(path: Path) -> SubjectPlan:
-    """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version."""
+    """Read a subject's plan. Raises InputError if the file is missing, damaged or of another version."""
     try:
         remedy = "run the study to write the subject's plan"
         content = json.loads(read_text(path, "a subject's plan", remedy=remedy))
@@ -138,14 +139,14 @@ def read_plan(path: Path) -> SubjectPlan:
 
 
 def plan_of_results(path: Path) -> SubjectPlan:
-    """Read a subject's plan from its results, wherever they are now, and apply the findings there."""
+    """Read the plan in a subject's results, which may have been moved, and apply the findings beside it."""
     plan = replace(read_plan(path), folder=path.parent)
     findings = plan.table(FINDINGS.name)
     return plan.checked(findings) if findings.is_file() else plan
 
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
-    """Make a plan of its file's content; `where` names it in errors."""
+    """Build a plan from the content of its file; `where` names the file in errors."""
     _check_texts(content)
     who = SubjectSession(content["subject"], content["session"])
     models = [model_from_config(config, where) for config in content["models"]]
@@ -158,14 +159,14 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
         recordings=tuple(_read_recording(entry, who) for entry in content["recordings"]),
         layouts={hand: layout_from_config(config, where) for hand, config in content["layouts"].items()},
         models={model.name: model for model in models},
-        # without their lines, which change where another subject's row is inserted above
+        # without line numbers, which change when another subject's row is inserted above
         rows={name: tuple(Row(0, entry) for entry in content[name]) for name in HAND_SHEETS},
         sheets={name: Path(file) for name, file in content["sheets"].items()},
     )
 
 
 def _check_texts(content: Mapping[str, Any]) -> None:
-    """Raise as Python does where names or paths are no texts, or sizes no numbers."""
+    """Raise TypeError, AttributeError or ValueError if names or paths are not text, or sizes not numbers."""
     named = [content[name] for name in ("study", "subject", "session", "folder")]
     named += [config["model"] for config in content["models"]]
     named += [*content["layouts"], *(config["layout"] for config in content["layouts"].values())]
@@ -174,8 +175,8 @@ def _check_texts(content: Mapping[str, Any]) -> None:
         named += {**entry, **paths, "factors": ""}.values()
         named += entry["factors"].values()
     for text in named:
-        if "\0" in text.encode().decode():  # half a character cannot be encoded
-            raise ValueError(f"{text!r} is no name")
+        if "\0" in text.encode().decode():  # a lone surrogate cannot be encoded
+            raise ValueError(f"{text!r} is not a valid name")
     for name in SIZES:
         float(content["sizes_mm"][name] or 0)
 

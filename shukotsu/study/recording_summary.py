@@ -1,4 +1,4 @@
-"""A subject's part of the study's tables: rows of recordings, short tables, and problems."""
+"""A subject's contribution to the study's tables: rows of recordings, short tables, and problems."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SubjectTables:
-    """A subject's rows of the tables recordings and problems, and the gathered ones, of whole skeletons."""
+    """A subject's rows of the tables recordings and problems, and of GATHERED_TABLES for whole skeletons."""
 
     recordings: list[RecordingsRow]
     problems: list[ProblemsRow]
@@ -65,9 +65,9 @@ class SubjectTables:
 
 
 def subject_tables(plan: SubjectPlan) -> SubjectTables:
-    """Read one subject's part of the study's tables, and its problems; TableError where a table is damaged.
+    """Read one subject's rows of the study's tables and collect its problems.
 
-    A recording that a finding refuses is not called used.
+    A recording that a finding refuses has the status refused. Raises TableError if a table is damaged.
     """
     recordings: list[RecordingsRow] = []
     problems: list[ProblemsRow] = []
@@ -109,7 +109,7 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
 
 
 def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[ProblemsRow]:
-    """Name parts that failed, and what a stage notes of others."""
+    """Yield a problem for each part of a table that failed or that its stage wrote a note to."""
     for part, parameters in part_metadata(file, table).items():
         where = {**vars(plan.hand(part.hand)), "model": part.model}
         kind = "skeleton" if part.model else "hand"
@@ -119,20 +119,19 @@ def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> It
 
 
 RECEIVER_KINDS = {"": "receiver", "step": "receiver-loose", "slide": "receiver-slid"}
-"""Kinds of problems by what displaced a receiver."""
+"""Kinds of problems by the `loose_kind` of a receiver."""
 
 OF_A_MODEL = ("subject", "session", "hand", "model")
 
 
 Accepted = Mapping[tuple[str, str], str]
-"""By hand and recording, the study's reason for accepting suspect findings."""
+"""The study's reason for accepting suspect findings, by hand and title of the recording."""
 
 
 def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
-    """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
-    disturbed field once for all receivers that are in it.
+    """Return the problems that rows of receivers report: receivers that came loose or slid, refused touches.
 
-    A receiver without a valid pose is named with its recording.
+    A disturbed field is one problem for all receivers that it affects, per hand and model.
     """
     problems = []
     in_field: dict[tuple[str, ...], list[ReceiversRow]] = {}
@@ -158,7 +157,10 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Problems
 
 
 def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
-    """Receivers that sit elsewhere in a recording than in the calibration, whose frames there are lost."""
+    """Return the problems of receivers that sit elsewhere in a recording than during calibration.
+
+    Their frames in that recording are not used.
+    """
     return [
         _problem_of_hand(row, moved_finding(row).accept(accepted.get((row["hand"], title_of(row)), "")))
         for row in rows_of(moved)
@@ -166,13 +168,13 @@ def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
 
 
 def _problem_of_hand(row: Mapping[str, Any], finding: Finding, stage: str = "fit_hand") -> ProblemsRow:
-    """Return a problem of the hand that a row is of, and of its recording where it has one."""
+    """Return a row of problems for the hand that `row` is about, and for its recording if it names one."""
     keys = {key: row[key] for key in ("subject", "session", "hand")}
     return problem_row(stage, finding, **keys, task=title_of(row) if "task" in row else "")
 
 
 def _field_values(rows: Sequence[ReceiversRow]) -> dict[str, Any]:
-    """Summarise a disturbed field's effect on the receivers in it, from their rows."""
+    """Summarise a disturbed field's effect on the receivers it affects, given their rows."""
     return {
         **dict(zip("xyz", vector_of(rows[0], "field_", "_mm").tolist(), strict=True)),
         "count": len(rows),
@@ -184,7 +186,7 @@ def _field_values(rows: Sequence[ReceiversRow]) -> dict[str, Any]:
 
 
 def _joint_problems(joints: pa.Table, _: Accepted) -> list[ProblemsRow]:
-    """Neighbouring MCP centres that are nearer to each other than any hand has them, under each model."""
+    """Return a problem for each MCP centre that is closer to its neighbour than in any hand, by model."""
     return [
         problem_row(
             "estimate_metacarpals",
@@ -197,7 +199,7 @@ def _joint_problems(joints: pa.Table, _: Accepted) -> list[ProblemsRow]:
 
 
 def _clock_problems(clocks: pa.Table, _: Accepted) -> list[ProblemsRow]:
-    """Recordings whose events were not read, or whose clock is uncertain."""
+    """Return a problem for each recording whose events were not read or whose clock is uncertain."""
     return [
         _problem_of_hand(row, finding_of_text("events", NOTE, row["message"]), "align_events")
         for row in rows_of(clocks)
@@ -206,9 +208,9 @@ def _clock_problems(clocks: pa.Table, _: Accepted) -> list[ProblemsRow]:
 
 
 def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, list[Finding]]:
-    """Return the recording's row of the recordings table, and the problems with it.
+    """Return the recording's row of the recordings table, and its problems.
 
-    poses : the recording's poses table; an excluded recording needs none.
+    poses : the recording's poses table, which need not exist for an excluded recording.
     """
     row: RecordingsRow = {
         "role": recording.role,
@@ -238,7 +240,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, lis
     unseen = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
     problems = [finding_of_text("recording", NOTE, loss) for loss in losses]
     row["message"] = "; ".join(dict.fromkeys([*(each.message for each in (*unseen, *problems)), *notes]))
-    if not any(n_valid.values()):  # of others the checks say it, and what to do
+    if not any(n_valid.values()):  # recordings with some valid poses get this finding from the checks
         problems = unseen + problems
     n_frames = n_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
@@ -251,7 +253,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, lis
 
 
 def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
-    """Return a list of texts of the poses table's parameters; TableError where it is something else."""
+    """Return a list of texts in the poses table's parameters. Raises TableError if it is anything else."""
     texts = parameters.get(name, [])
     if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
         raise TableError(f"{path}: its metadata have no list of {name}; make it with shukotsu.readers")
@@ -259,7 +261,10 @@ def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
 
 
 def sum_poses(poses: Path) -> tuple[int, dict[str, int], Array]:
-    """Count rows, and valid ones by segment; return the frames' times (T,), of the first segment with one."""
+    """Count the rows of a poses table in total and the valid ones by segment, and collect its times.
+
+    Returns the two counts and time_s (T,): each frame's time in the first segment that has one, else NaN.
+    """
     n_rows, n_valid, seen, time_s = 0, dict[str, int](), dict[str, int](), np.zeros(0)
     for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
         n_rows += rows.num_rows

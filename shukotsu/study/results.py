@@ -1,4 +1,4 @@
-"""Paths of a study's results; no other module builds them."""
+"""Paths of a study's results; all other modules take them from here."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ FIT_TABLES = (
     "bone_poses",
     "posed_tips",
 )
-"""Tables of one hand under one model that fits the whole hand."""
+"""Tables written once per hand and model by a fit of the whole hand."""
 
 SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
 TRUTH_TABLES = (*SKELETON_TABLES, "tips")
-"""Tables of the truth beside a simulated recording."""
+"""Tables of true values that accompany a simulated recording."""
 
 GATHERED_TABLES = (
     *("joint_centres", "bone_lengths", "tip_errors", "receivers", "moved_receivers", "gains"),
     *("skeleton_scores", "joint_errors", "events", "clocks", *MEASURED_TABLES),
 )
-"""Short tables that are gathered for the study, of whole skeletons."""
+"""Short tables whose rows of whole skeletons are gathered from all subjects of the study."""
 
 STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems", "agreement")
 
@@ -71,23 +71,23 @@ STUDY_FIGURES = {
     "cycle-curves": ("study_cycles", "results", "movement", "groups"),
     "groups": ("groups", "results", "study", "movement"),
 }
-"""Figures of a study for print: each one's function in `report/figures/study_figures.py`, and what it takes.
+"""Figures of a study for print: each one's function in `report/figures/study_figures.py`, and its arguments.
 
-One without data consists of a sentence that says so.
+If there is no data for a figure, it consists of a sentence that says so.
 """
 
 FIGURE_KINDS = ("svg", "pdf", "txt")
-"""A figure's files: two of the drawing, and its caption."""
+"""File types of a figure: the drawing in two formats, and its caption."""
 
 
 def table_in(folder: Path, name: str, hand: str = "", model: str = "") -> Path:
-    """Return a table in its subject's folder; of a fit of the whole hand that of a hand under a model."""
+    """Return the file of a table in its subject's folder; hand, model : used for tables of FIT_TABLES."""
     fit = Path("fits", hand, path_token(model)) if name in FIT_TABLES else Path()
     return folder / fit / f"{name}.parquet"
 
 
 FAILED_PAGES = "failed.txt"
-"""File that lists a subject's pages that could not be made, with the reasons, a line each."""
+"""File that lists which of a subject's pages could not be made and why, one per line."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Results:
 
     @classmethod
     def of(cls, study_name: str) -> Results:
-        """The study's folder in the working directory."""
+        """Return the results of a study of this name in the working directory."""
         return cls(Path("results", study_name))
 
     @property
@@ -113,34 +113,34 @@ class Results:
 
     @property
     def resolved(self) -> Path:
-        """The study as it was understood: its file, layouts and models with all defaults."""
+        """The resolved study: its file, layouts and models with all defaults filled in."""
         return self.folder / "resolved.yaml"
 
     def subject(self, subject: str, session: str = "") -> Path:
-        """Folder of a subject's plan and tables, in one session where the sheet names any."""
+        """Return the folder of a subject's plan and tables, for one session if the study has sessions."""
         return self.folder / f"sub-{SubjectSession(subject, session).token}"
 
     def plan(self, subject: str, session: str = "") -> Path:
-        """A subject's plan."""
+        """Return the file of a subject's plan."""
         return self.subject(subject, session) / "plan.json"
 
     @property
     def exports(self) -> Path:
-        """Folder of all skeletons and their motion in other programs' formats."""
+        """Folder of all skeletons and their motion in the formats of other programs."""
         return self.folder / "exports"
 
     def subject_exports(self, subject: str, session: str = "") -> Path:
-        """Folder that a subject's exports are made in."""
+        """Return the folder in which a subject's exports are made, before they are collected in `exports`."""
         return self.subject(subject, session) / "exports"
 
     @property
     def new_dataset(self) -> Path:
-        """Folder that the Motion-BIDS dataset is made in, as `bids`."""
+        """Folder in which the Motion-BIDS dataset is made, before it is collected in `exports` as `bids`."""
         return self.folder / "dataset"
 
     @property
     def tidy_tables(self) -> Path:
-        """Folder that the study's tables are made in as CSV, as `tables`."""
+        """Folder in which CSV files of the study's tables are made, before they are collected as `tables`."""
         return self.folder / "tidy"
 
     @property
@@ -149,17 +149,17 @@ class Results:
         return self.exports / "bids"
 
     def subject_pages(self, subject: str, session: str = "") -> Path:
-        """Folder of the report's pages of one subject."""
+        """Return the folder of the report's pages of one subject."""
         return self.folder / "report" / self.subject(subject, session).name
 
     def subject_page(self, subject: str, session: str = "") -> Path:
-        """The report's page of one subject."""
+        """Return the file of the report's page of one subject."""
         return self.subject_pages(subject, session) / "subject.html"
 
     def recording_page(self, recording: Recording) -> Path:
-        """The report's page of one recording."""
+        """Return the file of the report's page of one recording."""
         return self.folder / "report" / recording.hand.folder / f"{recording.name}.html"
 
     def study_table(self, table: str) -> Path:
-        """A table over the whole study."""
+        """Return the file of a table of the whole study."""
         return self.folder / f"{table}.parquet"

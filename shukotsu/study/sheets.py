@@ -1,6 +1,6 @@
-"""Sheets: tab-separated tables kept by the user; their columns are defined in `sheets.yaml`.
+"""Sheets: tab-separated tables that the user writes; `schemas/sheets.yaml` defines their columns.
 
-Every cell is checked; a message names the file, the row (as an editor counts lines) and the column.
+Every cell is checked; messages name the file, the row (its line number in the file) and the column.
 """
 
 from __future__ import annotations
@@ -27,14 +27,16 @@ MAX_MESSAGES = 5
 _NO_VALUE = re.compile(NO_VALUE, re.I)
 
 _NEAR, _NEAR_LETTERS = 0.75, 2
-"""How like a column that is not there a typo of its name is, and by how many letters it is longer."""
+"""An unknown column is taken for a misspelt one if their names are at least this similar (by difflib's ratio)
+and differ in length by at most this many letters.
+"""
 
 
 @dataclass(frozen=True)
 class Cell:
     """One column of a sheet: how to read it, what it means, and whether it may be missing.
 
-    unless : another column; where that has a cell, this one needs none though it is required else.
+    unless : another column; a row that has a cell there need not have one here, even if this is required.
     """
 
     name: str
@@ -45,13 +47,13 @@ class Cell:
     unless: str = ""
 
     def needed(self, others: Collection[str]) -> bool:
-        """Return whether it must be there, where those other columns are."""
+        """Return whether this column must be present if the columns `others` are."""
         return self.required and not (self.unless and self.unless in others)
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """One kind of sheet: its columns, those that identify a row, and whether others are allowed."""
+    """One kind of sheet: its columns, the key of a row, and whether further columns are allowed."""
 
     name: str
     cells: tuple[Cell, ...]
@@ -61,7 +63,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Row:
-    """A row that was read: its line in the file and its values by column."""
+    """A row of a sheet: its line number in the file and its values by column."""
 
     line: int
     values: Mapping[str, Any]
@@ -74,12 +76,12 @@ def _text(text: str) -> str:
     if not text:
         raise ValueError("is empty")
     if any(unicodedata.category(letter) == "Cc" for letter in text):
-        raise ValueError("holds a control character")
+        raise ValueError("contains a control character")
     return text
 
 
 def _reason(text: str) -> str:
-    """Read a reason; empty where the cell says no."""
+    """Return a cell's reason, or an empty string if the cell means no."""
     word = text.lower()
     if word in ("no", "false", "0"):
         return ""
@@ -136,7 +138,7 @@ _READ: Mapping[str, Callable[[str], Any]] = {
 
 
 def _sheet(name: str, content: Mapping[str, Any]) -> Sheet:
-    """Return the sheet of an entry of sheets.yaml, of which every value is a text."""
+    """Build a sheet from its entry in sheets.yaml, whose values were all read as text."""
     cells = []
     for column, keys in content["columns"].items():
         holds = keys["holds"]
@@ -153,14 +155,14 @@ SHEETS = {
 }
 RECORDINGS, PARTICIPANTS, CORRECTIONS, MEASUREMENTS, TOUCHES, EVENTS = SHEETS.values()
 HAND_SHEETS = ("corrections", "measurements", "touches", "events")
-"""Those whose rows say something of one hand each."""
+"""Sheets in which each row is about one hand."""
 
 
 def read_sheet(path: Path | None, sheet: Sheet, more: Collection[str] = ()) -> list[Row]:
-    """Read a sheet (UTF-8, tab-separated, a header line; empty lines are skipped); no path, no rows.
+    """Read a sheet (UTF-8, tab-separated, with a header line; empty lines are skipped).
 
-    more : further columns that it may have, read as text.
-    Raises InputError that names every bad cell (the first five) by file, row and column.
+    path : if None, there are no rows. more : further columns to allow, which are read as text.
+    Raises InputError that names bad cells (at most MAX_MESSAGES of them) by file, row and column.
     """
     if path is None:
         return []
@@ -168,7 +170,7 @@ def read_sheet(path: Path | None, sheet: Sheet, more: Collection[str] = ()) -> l
 
 
 def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) -> list[Row]:
-    """Read the text of a sheet as `read_sheet` does; path : what messages call it. Raises as that does."""
+    """Read the text of a sheet like `read_sheet`; path : the file's name for messages."""
     numbered = [
         (number, [_unquoted(cell.strip()) for cell in line.split("\t")])
         for number, line in enumerate(text.split("\n"), 1)
@@ -192,7 +194,7 @@ def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) 
         key = tuple(row[column] for column in sheet.key)
         if key in lines:
             names = ", ".join(f"{c} {v!r}" for c, v in zip(sheet.key, key, strict=True) if v)
-            messages.append(f"row {row.line}: {names} already stands in row {lines[key]}")
+            messages.append(f"row {row.line}: {names} is already in row {lines[key]}")
         lines.setdefault(key, row.line)
     if messages:
         rest = f"; and {len(messages) - MAX_MESSAGES} more" if len(messages) > MAX_MESSAGES else ""
@@ -201,13 +203,13 @@ def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) 
 
 
 def _unquoted(cell: str) -> str:
-    """Return a cell without the quotation marks that spreadsheets add around commas and quotes."""
+    """Return a cell without the quotation marks that spreadsheets add if it contains commas or quotes."""
     quoted = len(cell) > 1 and cell[0] == cell[-1] == '"'
     return cell[1:-1].replace('""', '"').strip() if quoted else cell
 
 
 def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str:
-    """Describe the fault of a header line; empty where there is none."""
+    """Describe what is wrong with a header line, or return an empty string if it is valid."""
     columns = [cell.name for cell in sheet.cells]
     odd = [name for name in header if name and name not in columns and name not in more]
     absent = [name for name in columns if name not in header]

@@ -1,7 +1,7 @@
-"""The 95 % region of a position whose stated error is a covariance: which errors are within, and its radius.
+"""95 % region of a position whose stated error is a covariance: which errors are inside, and its radius.
 
-A covariance is rarely a ball: along a hinge's axis a centre is known several times less well than across it.
-So an error is held against the covariance itself, by its Mahalanobis distance.
+A covariance is rarely isotropic: a centre is several times less certain along a hinge's axis than across it.
+An error is therefore compared with the covariance itself, by its Mahalanobis distance.
 """
 
 from __future__ import annotations
@@ -13,23 +13,34 @@ import numpy as np
 from shukotsu.arrays import Array
 
 CHI_SQUARE_95 = 7.815
-"""95 % of squared Mahalanobis distances in three dimensions are smaller (chi-squared, 3 degrees)."""
+"""95th percentile of squared Mahalanobis distances in 3-D (chi-squared with 3 degrees of freedom)."""
 
 NORMAL_95 = 1.645
-"""95 % of normal numbers are smaller than so many sd."""
+"""95th percentile of the standard normal distribution."""
 
 BALL_95 = 1.614
-"""sqrt(CHI_SQUARE_95 / 3): the same of an error in 3-D over its 1-sigma size, as large in every direction."""
+"""sqrt(CHI_SQUARE_95 / 3): 95 % radius of an isotropic error in 3-D as a multiple of its 1-sigma size."""
 
 _LEAST_SHARE = 1e-9
-"""Share of the largest variance below which one is a matter of rounding."""
+"""Variances below this share of the largest one are attributed to rounding."""
 
 
 def halves_mm2(covariance_mm2: Any, sd_mm: float) -> tuple[Array, Array]:
-    """Covariances (3, 3) of a centre in its parent's and its child's receiver; NaN of one that is not stated.
+    """Return the covariances of a joint's centre in the frames of its parent's and its child's receiver.
 
-    covariance_mm2 : (36,), mm^2, of both halves, parent first; None where only sd_mm, the 1-sigma error in
-    3-D, is stated, which is taken as a ball.
+    Parameters
+    ----------
+    covariance_mm2 : array, shape (36,), or None
+        Covariance of both halves together, parent first, mm^2; None if only sd_mm is stated, which is then
+        taken as isotropic.
+    sd_mm : float
+        1-sigma error in 3-D, mm.
+
+    Returns
+    -------
+    parent, child : arrays, shape (3, 3)
+        Covariances, mm^2; NaN for a half whose error is not stated.
+
     """
     if covariance_mm2 is None:
         ball = sd_mm**2 / 3 * np.eye(3)
@@ -42,9 +53,10 @@ def halves_mm2(covariance_mm2: Any, sd_mm: float) -> tuple[Array, Array]:
 
 
 def is_within_95(off_mm: Array, covariance_mm2: Array) -> bool | None:
-    """Whether an error (3,), mm, is within the 95 % of its covariance (3, 3), mm^2; None where one is NaN.
+    """Return whether an error is in the 95 % region of its covariance: off^T C^-1 off <= CHI_SQUARE_95.
 
-    off^T C^-1 off <= CHI_SQUARE_95, with variances that are zero but for rounding taken as next to nothing.
+    off_mm : error, shape (3,), mm. covariance_mm2 : shape (3, 3), mm^2; variances that are zero up to
+    rounding are raised to a tiny share of the largest one. Returns None if any number is NaN.
     """
     if not (np.isfinite(off_mm).all() and np.isfinite(covariance_mm2).all()):
         return None
@@ -54,11 +66,12 @@ def is_within_95(off_mm: Array, covariance_mm2: Array) -> bool | None:
 
 
 def radius_95_mm(covariance_mm2: Array) -> float:
-    """Radius, mm, about a place within which 95 % of errors of that covariance (3, 3), mm^2, lie.
+    """Return the radius, mm, of the ball that contains 95 % of errors with a covariance (3, 3), mm^2.
 
-    The quantile of a sum of squares with variances l_i, by Jensen & Solomon (1972): with t_k = sum l_i^k and
-    h = 1 - 2 t_1 t_3 / (3 t_2^2), (sum / t_1)^h is normal about 1 + t_2 h (h - 1) / t_1^2 with variance
-    2 t_2 h^2 / t_1^2. Within 1.3 % of the exact radius, which is 1.61 (ball) to 1.96 (line) times the sd.
+    It is the root of the quantile of a sum of squares with variances l_i, by Jensen & Solomon (1972): with
+    t_k = sum l_i^k and h = 1 - 2 t_1 t_3 / (3 t_2^2), (sum / t_1)^h is approximately normal with mean
+    1 + t_2 h (h - 1) / t_1^2 and variance 2 t_2 h^2 / t_1^2. The result is within 1.3 % of the exact radius,
+    which is 1.61 (equal variances) to 1.96 (errors along a line) times the sd.
     """
     first, second, third = ((np.linalg.eigvalsh(covariance_mm2) ** k).sum() for k in (1, 2, 3))
     h = 1 - 2 * first * third / (3 * second**2)

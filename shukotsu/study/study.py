@@ -22,23 +22,23 @@ from shukotsu.tables.subjects import Hand, SubjectSession, path_token
 from shukotsu.translation import ngettext, tr
 
 OWN_FACTORS = ("session", "hand", "task")
-"""Columns that every recording has and that may be factors."""
+"""Columns that every recording has and that can be factors."""
 
 MOST_LEVELS, MOST_NUMBERS = 8, 4
-"""A factor with more levels, or more that are all numbers (they were measured, and have an order), is not
-compared pair by pair.
+"""A factor with more levels than MOST_LEVELS is not compared pair by pair. If all its levels are numbers,
+which are probably measurements, the limit is MOST_NUMBERS.
 """
 
 SIZES = ("hand_length_mm", "hand_breadth_mm")
-"""Sizes of a hand in the participants sheet."""
+"""Columns of the participants sheet with sizes of the hand."""
 
 NO_LEVEL = ("", "n/a")
-"""Cells that give no level."""
+"""Cells that mean that the level is unknown."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """File of a recording, as resolved and as the sheet has it, and how it is read."""
+    """File of a recording, as a resolved path and as written in the sheet, and how to read it."""
 
     file: Path
     file_as_written: str
@@ -52,8 +52,8 @@ class Source:
 class Recording:
     """Row of the recordings sheet, with resolved paths.
 
-    truth : folder of the truth tables, of a simulated recording. factors : its levels of the study's factors.
-    more : further columns, which are not in plans.
+    truth : folder of the truth tables of a simulated recording. factors : levels of the study's factors that
+    are columns of this sheet. more : the sheet's further columns, which plans do not contain.
     """
 
     hand: Hand
@@ -71,29 +71,29 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """Task and trial as one part of a path."""
+        """Task and trial, joined as a file or folder name."""
         return path_token(self.task) + (f"_{path_token(self.trial)}" if self.trial else "")
 
     @property
     def key(self) -> dict[str, str]:
-        """Its key in tables: subject, session, hand, task, trial, in this order."""
+        """Key of the recording in tables: subject, session, hand, task and trial, in this order."""
         whose = {"subject": self.hand.subject, "session": self.hand.session, "hand": self.hand.hand}
         return {**whose, "task": self.task, "trial": self.trial}
 
     @property
     def key_in_session(self) -> tuple[str, str, str]:
-        """Hand, task and trial: its key within a subject's session."""
+        """Hand, task and trial, which identify the recording within a subject's session."""
         return self.hand.hand, self.task, self.trial
 
     @property
     def title(self) -> str:
-        """Task, and trial where there is one, as a text."""
+        """Task, followed by the trial if there is one."""
         return ", ".join(filter(None, (self.task, self.trial)))
 
 
 @dataclass(frozen=True)
 class UnusableRow:
-    """A row of the recordings sheet that is left out, and the reason; the others are used."""
+    """A row of the recordings sheet that is left out of the study, with the reason in `message`."""
 
     hand: Hand
     task: str
@@ -108,8 +108,8 @@ class Simulation:
     seed: int
 
 
-class OfRecordings:
-    """Hands, subjects and sessions of recordings, in the sheet's order."""
+class HasRecordings:
+    """Base class that lists the hands, subjects and sessions of recordings, in the sheet's order."""
 
     recordings: tuple[Recording, ...]
 
@@ -130,7 +130,7 @@ class OfRecordings:
 
 
 @dataclass(frozen=True)
-class Study(OfRecordings):
+class Study(HasRecordings):
     """A study file with its sheets, layouts and models, read and validated."""
 
     name: str
@@ -154,7 +154,7 @@ class Study(OfRecordings):
     def of_session(self, subject: str, session: str = "") -> Study:
         """Return the study with only the recordings of that subject and session.
 
-        Raises InputError where the study has none.
+        Raises InputError if the study has no such recording.
         """
         recordings = tuple(r for r in self.recordings if r.hand.who == (subject, session))
         if not recordings:
@@ -165,12 +165,12 @@ class Study(OfRecordings):
 
     @property
     def language(self) -> str:
-        """Language of the report, a code as in its key's list."""
+        """Language of the report, one of the codes that the schema allows."""
         return str(self.config["language"])
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """Names of the study's factors, see `factor_levels`."""
+        """Names of the study's factors; `factor_levels` returns their levels."""
         return tuple(self.config["factors"])
 
     @property
@@ -179,24 +179,25 @@ class Study(OfRecordings):
         return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
 
     def layout_of(self, hand: Hand) -> Path:
-        """Return the layout of the hand's recordings; of several, the one with most receivers."""
+        """Return the layout of the hand's recordings; if they have several, the one with most receivers."""
         layouts = [*self._layouts_of[hand]]
         if len(layouts) == 1:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
 
     def judged_layout(self, hand: Hand) -> Layout:
-        """Return the layout of the hand's recordings with the study's demands on its joints."""
+        """Return the layout of the hand's recordings, with the study's `wanted_mm` if it sets one."""
         layout = read_layout(self.layout_of(hand).absolute())
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
 
 
 def factor_levels(study: Study) -> list[dict[str, str]]:
-    """Return a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
+    """Return a row for every evaluated recording: subject, session, hand, task, trial, and the level of each
+    factor.
 
-    Factors are named in the study file under `factors`: session, hand, task, or a further
-    column of the participants or the recordings sheet. A level is text; it is empty where the recording or
-    the participant has none. Raises InputError where the participants sheet cannot be read.
+    The study file names factors under `factors`: session, hand, task, or a further column of the participants
+    or the recordings sheet. A level is text, empty if it is unknown for the recording or the participant.
+    Raises InputError if the participants sheet cannot be read.
     """
     sheet = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
     people = {row["subject"]: row.values for row in sheet}
@@ -210,7 +211,7 @@ def factor_levels(study: Study) -> list[dict[str, str]]:
 
 
 def not_compared(study: Study) -> dict[str, str]:
-    """Return, for each factor whose levels are not compared pair by pair, the reason."""
+    """Return the factors whose levels are not compared pair by pair, each with the reason."""
 
     def is_number(text: str) -> bool:
         with suppress(ValueError):
@@ -239,12 +240,15 @@ def not_compared(study: Study) -> dict[str, str]:
 
 
 def read_study(path: Path) -> Study:
-    """Read a study file and everything it names. Raises InputError where any of it is wrong."""
+    """Read a study file and all files it names. Raises InputError if any is missing or invalid."""
     return study_from_config(read_config(path, "study"), path.parent, str(path))
 
 
 def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study:
-    """Make a study of a loaded study file; its relative paths resolve against `folder`."""
+    """Build a study from the content of a study file whose relative paths refer to `folder`.
+
+    where : name of the file for messages.
+    """
     config = check_config(config, "study", where)
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
@@ -252,7 +256,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     for name in settings["models"]:
         if name not in models:
             raise InputError(
-                f"{where}: export_settings.models: {name!r} is no model of the study; expected one of "
+                f"{where}: export_settings.models: {name!r} is not a model of the study; expected one of "
                 f"{', '.join(models)}"
             )
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
@@ -283,9 +287,9 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
 
 
 def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
-    """Return a message if the study lacks the hand of a row, or an empty text.
+    """Return a message if the study has no hand that matches a row, else an empty string.
 
-    A row without a session belongs to all sessions.
+    A row without a session matches all sessions.
     """
     hand = Hand(row["subject"], row["hand"], row["session"])
     sides = set(hands)
@@ -295,22 +299,24 @@ def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
 
 
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
-    """Return a sentence for each correction of a hand or joint that does not exist."""
+    """Return a sentence for each row of corrections whose hand or joint does not exist."""
     sides, joints = set(hands), [joint.name for joint in layout.solvable]
     problems = []
     for row in rows:
         reason = _no_hand(row, sides)
         if not reason and row["joint"] not in joints:
             meant = guess(row["joint"], joints)
-            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}; {meant}"
+            reason = f"column joint: {row['joint']!r} is not a joint of layout {layout.name}; {meant}"
         if reason:
             problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")
     return problems
 
 
 def unmatched_rows(study: Study) -> list[str]:
-    """Return a sentence for each row of measurements and touches that matches no hand of the study, and for
-    names that differ between the sheets of participants and recordings.
+    """Return sentences about rows that match nothing in the study.
+
+    They report rows of measurements and touches whose hand the study lacks, and subjects whose names
+    apparently differ between the participants and the recordings sheet.
     """
     problems = [
         f"{study.sheets[name].name}: row {row.line}, {reason}; the row was not applied"
@@ -332,18 +338,18 @@ def unmatched_rows(study: Study) -> list[str]:
     return problems
 
 
-def columns_handed_on(study: Study) -> list[str]:
-    """Return a sentence on the columns of the recordings sheet that the study does not use, if any."""
+def unused_columns(study: Study) -> list[str]:
+    """Return a sentence that lists the recordings sheet's unused further columns, or no sentence."""
     names = [name for name, _ in study.recordings[0].more if name not in study.factors]
     where = study.sheets["recordings"].name
-    use = "not used, but handed on to recordings.parquet as they stand"
+    use = "not used, but copied unchanged to recordings.parquet"
     return [f"{where}: further columns, {use}: {list_names(names)}"] if names else []
 
 
 def _check_factors(
     names: Iterable[str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
 ) -> None:
-    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'."""
+    """Raise InputError unless each factor is in OWN_FACTORS or a further column of exactly one sheet."""
     cells = {cell.name for sheet in (PARTICIPANTS, RECORDINGS) for cell in sheet.cells}
     further = dict.fromkeys(name for row in participants for name in row.values)
     columns = [*OWN_FACTORS, *(name for name in further if name not in cells)]
@@ -352,11 +358,11 @@ def _check_factors(
         if name in OWN_FACTORS:
             continue
         if name in cells:
-            reason = f"tells no levels apart; expected one of {', '.join(columns)}"
+            reason = f"cannot be a factor; expected one of {', '.join(columns)}"
         elif name in of_recordings and name in columns:
             reason = "is a column of both sheets, participants and recordings; keep one of them"
         elif name not in of_recordings and name not in columns:
-            reason = f"is no column of the sheets of participants and recordings; {guess(name, columns)}"
+            reason = f"is not a column of the sheets of participants and recordings; {guess(name, columns)}"
         else:
             continue
         raise InputError(f"{where}: factors: {name!r} {reason}")
@@ -365,7 +371,7 @@ def _check_factors(
 def _check_events(
     path: Path, rows: Sequence[Row], recordings: Sequence[Recording], unusable: Sequence[UnusableRow]
 ) -> None:
-    """Raise InputError where a row does not name exactly one recording; session and trial are optional."""
+    """Raise InputError if a row does not match exactly one recording; session and trial are optional."""
     of_key: dict[tuple[str, ...], list[Recording]] = {}
     for recording in recordings:
         of_key.setdefault((recording.hand.subject, recording.hand.hand, recording.task), []).append(recording)
@@ -379,7 +385,7 @@ def _check_events(
         ]
         if len(named) == 1 or (not named and key in left_out):
             continue
-        what = "several recordings; say which in the columns session and trial" if named else "no recording"
+        what = "several recordings; state which in the columns session and trial" if named else "no recording"
         words = ", ".join(row[name] for name in ("subject", "session", "hand", "task", "trial") if row[name])
         raise InputError(f"{path}: row {row.line}: {words} names {what} of the recordings sheet")
 
@@ -401,34 +407,33 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 
 
 def _why_unusable(recording: Recording) -> str:
-    """Return why the names in a row are not valid in file names, or an empty text."""
+    """Return the reason why a row's names are too long for file names, or an empty string."""
     names = (*recording.hand.who, recording.task, recording.trial)
     n_bytes = sum(len(path_token(name).encode()) for name in names)
     if n_bytes > NAMES_BYTES:
         return (
-            f"columns subject, session, task, trial: have {count_of(n_bytes, 'byte')} in the names "
-            f"of files; expected at "
-            f"most {NAMES_BYTES}"
+            f"columns subject, session, task, trial: have {count_of(n_bytes, 'byte')} in file names; "
+            f"expected at most {NAMES_BYTES}"
         )
     source = recording.source
     for column, path in (("file", source.file), ("mapping", source.mapping), ("events", recording.events)):
         if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
-            limit = f"{FILE_NAME_BYTES} bytes, which no file's name has"
+            limit = f"{FILE_NAME_BYTES} bytes, which is too long for a file name"
             return f"column {column}: has a part of more than {limit}"
     return ""
 
 
 def truth_folder(file: Path) -> Path:
-    """Folder of the truth tables that the simulator writes beside a recording."""
+    """Return the folder of the truth tables that the simulator writes beside a recording."""
     return file.with_name(f"{file.name.rsplit('.', 1)[0]}_truth")
 
 
 def _recordings(
     sheet: Path, usual: Source, factors: Sequence[str], simulation: Simulation | None
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
-    """Return the recordings of the sheet, and the rows that can be none.
+    """Return the recordings of the sheet, and the rows that cannot be used.
 
-    usual : the study's folder, and layout and mapping of rows that name none.
+    usual : its `file` is the study's folder; its layout and mapping apply to rows that name no others.
     """
     recordings, unusable, cells = [], [], {cell.name for cell in RECORDINGS.cells}
     folder = usual.file
@@ -462,7 +467,7 @@ def _recordings(
             unusable.append(UnusableRow(recording.hand, row["task"], message))
             continue
         first, line = layouts.setdefault(recording.hand, (worn, row.line))
-        if first != worn and not read_layout(worn.absolute()).is_as(read_layout(first.absolute())):
+        if first != worn and not read_layout(worn.absolute()).matches(read_layout(first.absolute())):
             raise InputError(
                 f"{sheet}: row {row.line}, column layout: {worn.stem} has other bodies, joints or digits "
                 f"than {first.stem}, the layout of row {line}; layouts of a hand may differ in the "
@@ -483,5 +488,5 @@ def _recordings(
         recordings.append(recording)
     if not recordings:
         reasons = "; ".join(row.message for row in unusable[:1])
-        raise InputError(f"{sheet}: has no recording; add a row a recording{reasons and f' ({reasons})'}")
+        raise InputError(f"{sheet}: has no recording; add a row for each{reasons and f' ({reasons})'}")
     return tuple(recordings), tuple(unusable)

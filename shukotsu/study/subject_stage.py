@@ -1,4 +1,4 @@
-"""The stages of a subject share options that name a plan or a hand alone, tables, failures and provenance."""
+"""What stages of a subject share: options for a plan or a single hand, tables, failures and provenance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from shukotsu.tables.typed_table import Provenance
 
 Writes = Mapping[str, str | Sequence[str]]
-"""By the name of an output's argument the table in that file, or those in that folder."""
+"""By output argument: the name of the table in that file, or the names of the tables in that folder."""
 
 _TABLES = {
     "findings": "what check_recordings refuses and suspects (default: nothing)",
@@ -33,13 +33,13 @@ _TABLES = {
     "events": "events as align_events wrote them (default: none)",
     "clocks": "clocks as align_events wrote them (default: all are trusted)",
 }
-"""Help of the options that name a subject's tables; every other one is a fit's, a file a hand and model."""
+"""Help of the options that name a subject's tables; all others are a fit's, one file per hand and model."""
 
 _SIZES = {
     "hand_length_mm": "wrist crease to the middle finger's tip (default: not measured)",
     "hand_breadth_mm": "across the knuckles of digits 2 to 5 (default: not measured)",
 }
-"""Help of the sizes of a hand."""
+"""Help of the options for the sizes of a hand."""
 
 _CALIBRATION, _EVALUATED = (
     "poses files that the joints are solved from",
@@ -55,11 +55,22 @@ def add_plan_options(
     sizes: Sequence[str] = (),
     sheets: Sequence[str] = (),
 ) -> None:
-    """Add the options that say which hands a stage works on and name its tables; `plan_of` reads them.
+    """Add the options that select the hands that a stage works on and its input tables; see `plan_of`.
 
-    tables : the subject's tables that the stage reads. A study gives --plan and all poses. A hand alone is
-    poses files, a layout and a model: calibration, evaluated are names of the options for files, such as
-    --poses, sizes and sheets of those that the stage uses.
+    In a study a stage is passed --plan and all poses. Outside a study, a single hand is described by poses
+    files, a layout and a model.
+
+    Parameters
+    ----------
+    parser
+        The stage's parser.
+    *tables
+        Names of the subject's tables that the stage reads.
+    calibration, evaluated
+        Names of the options for poses files, such as --poses; empty to omit the option.
+    sizes, sheets
+        The sizes of the hand (SIZES) and the sheets (HAND_SHEETS) that the stage uses.
+
     """
     parser.add_argument(
         "--plan", type=Path, help="the subject's plan, in place of the options of a hand alone"
@@ -77,9 +88,9 @@ def add_plan_options(
     alone = parser.add_argument_group("a hand alone")
     alone.add_argument("--layout", help="a layout that ships, or a path")
     alone.add_argument("--model", help="a skeleton model that ships, or a path")
-    alone.add_argument("--subject", help="whose hand (default: as the poses say)")
-    alone.add_argument("--session", help="in which session (default: as the poses say)")
-    alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses say)")
+    alone.add_argument("--subject", help="whose hand (default: from the poses)")
+    alone.add_argument("--session", help="in which session (default: from the poses)")
+    alone.add_argument("--hand", choices=("right", "left"), help="which hand (default: from the poses)")
     for name in sizes:
         alone.add_argument(command_line.option_of(name), type=float, help=_SIZES[name])
     for name in sheets:
@@ -87,7 +98,7 @@ def add_plan_options(
 
 
 def add_tables(parser: argparse.ArgumentParser, *tables: str) -> None:
-    """Add an option for each of these tables of a subject."""
+    """Add an option for each of the named tables of a subject."""
     parser.set_defaults(tables=tables)
     for name in tables:
         is_of_fit = name not in _TABLES
@@ -102,10 +113,10 @@ def add_tables(parser: argparse.ArgumentParser, *tables: str) -> None:
 
 
 def plan_of(arguments: argparse.Namespace) -> SubjectPlan:
-    """Read the plan that the options of `add_plan_options` name, or make one of a hand alone.
+    """Read the plan named by --plan, or make one from the options for a single hand.
 
-    It reads the tables that the options name. Raises InputError where neither is given, where a size is none
-    that a hand has, and as reading does.
+    Tables and poses named by options replace those of the plan, and findings are applied. Raises InputError
+    if there is neither a plan nor a layout, if a size is impossible for a hand, or if a file cannot be read.
     """
     from shukotsu.study.layout import read_layout
     from shukotsu.study.model import read_model
@@ -143,13 +154,13 @@ def plan_of(arguments: argparse.Namespace) -> SubjectPlan:
 
 
 def hands_of(arguments: argparse.Namespace, _: str = "") -> list[Part]:
-    """Return the parts of a table that has one for each of a subject's hands."""
+    """Return the parts of a table that has one part per hand of the subject."""
     plan = plan_of(arguments)
     return [plan.part(hand) for hand in plan.hands]
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:
-    """Return the files that say how a hand is worked on: the plan, or those behind --layout and --model."""
+    """Return the configuration files that a stage uses: the plan, or the files of --layout and --model."""
     from shukotsu.study.config_files import config_path
 
     options = vars(arguments)
@@ -160,10 +171,10 @@ def config_files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def poses_files(plan: SubjectPlan) -> list[Path]:
-    """Return the poses files of every recording of a plan that is not excluded.
+    """Return the poses files of all recordings of a plan that are not excluded.
 
-    Raises TableError where one is of another recording than the plan says, or was imported with a layout
-    of other segments than the plan's.
+    Raises TableError if a file is of another recording than the plan states, or was imported with a layout
+    whose segments differ from the plan's.
     """
     from shukotsu.tables.poses import check_layout, recording_name
 
@@ -183,10 +194,11 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
 
 
 def provenance_of(plan: SubjectPlan, tables: Sequence[Path], files: Sequence[Path]) -> Provenance:
-    """Return the provenance of a stage's outputs: subject tables of other stages, and other files.
+    """Return the provenance of a stage's outputs.
 
-    Raises TableError where one of the tables is another subject's or, in a study, was made from another
-    version of one of the rest.
+    tables : input tables of this subject that other stages wrote. files : the other inputs.
+    Raises TableError if a table is of another subject or, in a study, was made from another version of an
+    input than the one passed here.
     """
     from shukotsu.tables.parts import check_subject
     from shukotsu.tables.typed_table import Provenance, read_metadata
@@ -199,14 +211,14 @@ def provenance_of(plan: SubjectPlan, tables: Sequence[Path], files: Sequence[Pat
         for entry in read_metadata(path)["inputs"] if digests else ():
             if digests.get(entry["file"], entry["sha256"]) != entry["sha256"]:
                 raise TableError(
-                    f"{path}: was made from another {entry['file']} than the one that is there; "
+                    f"{path}: was made from another version of {entry['file']} than the present one; "
                     f"{remedy_of(path)}"
                 )
     return provenance
 
 
 def check_made_together(*tables: Path) -> None:
-    """Raise TableError where tables that one run of a stage writes are of several runs on other inputs."""
+    """Raise TableError if tables that a stage writes together come from runs with different inputs."""
     from shukotsu.tables.typed_table import read_metadata
 
     inputs = {path: {entry["sha256"] for entry in read_metadata(path)["inputs"]} for path in tables}
@@ -223,7 +235,7 @@ def check_made_together(*tables: Path) -> None:
 def writing(
     arguments: argparse.Namespace, writes: Writes, provenance: Provenance
 ) -> Iterator[dict[str, PartsWriter]]:
-    """Open the tables that a stage writes, by their names, for their parts to be written."""
+    """Open the tables that a stage writes and yield their writers by table name."""
     from shukotsu.tables.catalogue import table_in
     from shukotsu.tables.parts import parts_writer
 
@@ -245,11 +257,22 @@ def script(
     parts: Callable[[argparse.Namespace, str], Iterable[Part]] = lambda options, _: plan_of(options).parts(),
     each: Callable[[argparse.Namespace], Iterable[argparse.Namespace]] = lambda options: [options],
 ) -> Callable[..., int]:
-    """Return the `main` of a stage that writes tables in parts.
+    """Return the `main` function of a stage that writes tables in parts.
 
-    With --record-failure a bug outside of all parts is written as the reason why each of them is missing.
-    parts : of a table, by its name; by default every skeleton of the plan. each : the units of work, one
-    after the other, where there are several.
+    With --record-failure, an unexpected error outside the parts is written to every part as the reason why it
+    is missing.
+
+    Parameters
+    ----------
+    build_parser, work
+        Functions that build the stage's parser, and that do its work with the parsed arguments.
+    writes
+        Tables by output argument.
+    parts
+        Function that returns the parts of a table by its name; by default one for each skeleton of the plan.
+    each
+        Function that splits the arguments into those of several units of work; by default one unit.
+
     """
 
     def record_bug(arguments: argparse.Namespace, message: str) -> None:
@@ -266,10 +289,10 @@ def script(
 
 @contextmanager
 def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsWriter) -> Iterator[None]:
-    """With --record-failure, write why a part of the tables cannot be had into them, and go on.
+    """With --record-failure, write the reason why a part failed into the tables and continue.
 
-    That includes bugs: the study's other hands and models must not be lost, and the traceback stays in the
-    log. A TableError is no result of the subject's data, and is raised.
+    This includes unexpected errors, so that the study's other hands and models are not lost; the traceback is
+    in the log. A TableError is raised because it is not caused by the subject's data.
     """
     with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         yield

@@ -1,10 +1,10 @@
-"""Verdicts on joints and bones: one rule for every model, joint and layout.
+"""Verdicts on joints and bones, by the same rule for every model, joint and layout.
 
-What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
-what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
-95 % radius is 1.61 (a ball) to 1.96 (a line) times sd_mm, so what is believed on a finger is within 3.2 to
-3.9 mm. A doubt is a kind and numbers; some allow no better verdict than "care" or "no", others are only
-reported.
+The stated error decides. A centre is believed if its sd_mm (1 sigma in 3-D) is at most `wanted_mm`, the error
+that the study allows, and nothing contradicts it; up to CARE_TIMES as much means "care". The 95 % radius is
+1.61 (isotropic) to 1.96 (along a line) times sd_mm, so a believed centre on a finger is within 3.2 to 3.9 mm.
+A doubt consists of a kind and numbers; some kinds allow no better verdict than "care" or "no", others are
+only reported.
 """
 
 from __future__ import annotations
@@ -22,30 +22,31 @@ if TYPE_CHECKING:
 
 BELIEVE, CARE, NO = "believe", "care", "no"
 VERDICTS = (BELIEVE, CARE, NO)
-"""From good to bad."""
+"""All verdicts, best first."""
 
 CARE_TIMES = 3.0
 """Largest useful stated error as a multiple of wanted_mm: 95 % within 10 mm on a finger."""
 
 WIDE_GAP_TIMES, CONTRARY_GAP_TIMES = 2.5, 5.0
-"""On a hand, two receivers have their joint's centre 1 mm apart, rms, and hardly ever 4. In multiples of
-wanted_mm: a gap that the stated error does not explain, and one that skin motion cannot cause."""
+"""Gaps between a joint's centre as seen from its two receivers, rms, as multiples of wanted_mm: one that the
+stated error does not explain, and one that skin motion cannot cause. On a hand a gap is about 1 mm and hardly
+ever 4 mm."""
 
 LITTLE_RANGE_DEG = 10.0
-"""Skin alone rotates receivers by some 4 deg against each other, correlated with the neighbours' motion; a
-centre solved from less than about twice that range may reflect skin motion (docs/method.md)."""
+"""Range of motion below which a solved centre may reflect skin motion. Skin alone rotates receivers by some
+4 deg relative to each other, correlated with the motion of neighbouring joints (docs/method.md)."""
 
 LARGE_AXIS_SD_DEG = 5.0
 
 LEAST_KNUCKLES_MM = 9.0
-"""Smallest plausible distance of neighbouring MCP centres: metacarpal heads are 12 to 14 mm wide."""
+"""Smallest plausible distance between neighbouring MCP centres: metacarpal heads are 12 to 14 mm wide."""
 
 ONE_DIRECTION = 0.8
-"""Share of a centre's variance along one line from which it is called uncertain in one direction."""
+"""A centre is called uncertain in one direction if more than this share of its variance is along one line."""
 
 Values = Mapping[str, Any]
 Doubts = Mapping[str, Values]
-"""Numbers and names by kind."""
+"""Values of each doubt by its kind."""
 
 NOT_WORN = "not-worn"
 NOT_SOLVED = "not-solved"
@@ -77,29 +78,30 @@ LIMITS: Mapping[str, str] = {
     **dict.fromkeys((NOT_THE_BONE, NO_ERROR), CARE),
     AXIS: BELIEVE,
 }
-"""Every kind with the best verdict that it allows; `_judge` says when it is worse. Possible causes of a large
-error come before the error itself.
+"""The best verdict that each kind of doubt allows; `_judge` makes some of them stricter. The order determines
+which doubt is stated as the reason: possible causes of a large error come before the error itself.
 """
 
 UNJUDGED: Any = {"verdict": "", "reason": "", "reason_values": ""}
-"""Columns of a row that is not judged, such as the truth's or one that is on its way to joint_centres."""
+"""Columns of a row that has no verdict, such as one of the truth or one that is judged by a later stage."""
 
 
 def note_doubts(doubts: Doubts) -> Any:
-    """Return columns of a row of joint_centres that is judged later: what its stage knows against it."""
+    """Return the verdict columns of a row that a later stage judges, with the doubts known so far."""
     return {**UNJUDGED, "reason_values": _text(doubts)}
 
 
 def doubts_of(row: Mapping[str, Any]) -> dict[str, Values]:
-    """Return the doubts that a row's `reason_values` hold, by kind, the weightiest first."""
+    """Return the doubts in a row's `reason_values` by kind; those of a judged row are in LIMITS' order."""
     text = row["reason_values"]
     return dict(json.loads(text)) if text else {}
 
 
 def judged_joint(row: JointCentresRow, wanted_mm: float, doubts: Doubts | None = None) -> JointCentresRow:
-    """Return a row of joint_centres with verdict, reason, reason_values, status, by its numbers and doubts.
+    """Return a row of joint_centres with its verdict, reason, reason_values and status.
 
-    doubts : beside those that its stage noted. wanted_mm : 1-sigma error in 3-D that the study asks.
+    wanted_mm : largest 1-sigma error in 3-D that is believed. doubts : doubts beyond those that follow from
+    the row's numbers or that an earlier stage noted in it.
     """
     noted_before = {kind: values for kind, values in doubts_of(row).items() if kind not in _BY_NUMBERS}
     failed = row["status"] == "failed"
@@ -111,10 +113,11 @@ def judged_joint(row: JointCentresRow, wanted_mm: float, doubts: Doubts | None =
 def judged_bone(
     bone: BoneLengthsRow, joints: Mapping[str, JointCentresRow], wanted_mm: float, *, is_whole: bool
 ) -> BoneLengthsRow:
-    """Return a row of bone_lengths with its verdict: the worst of the joints at its ends and its error.
+    """Return a row of bone_lengths with its verdict: the worst of its end joints' and of its stated error's.
 
-    joints : judged rows of joint_centres by joint. is_whole : whether it is the bone itself, and neither
-    starts at the wrist nor ends at a receiver.
+    joints : judged rows of joint_centres by joint. wanted_mm : largest 1-sigma error that is believed.
+    is_whole : whether the length is that of the bone itself, not of one that starts at the wrist or ends at a
+    receiver.
     """
     judged: BoneLengthsRow
     if bone["length_mm"] is None or not np.isfinite(bone["length_mm"]):
@@ -135,8 +138,9 @@ def judged_bone(
 
 
 def _judge(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> Any:
-    """Return the row of joint_centres or bone_lengths with the best verdict that all doubts allow, its reason
-    and its status.
+    """Return a row of joint_centres or bone_lengths with the best verdict that all doubts allow.
+
+    Its reason and status are set accordingly.
     """
     verdict = BELIEVE
     for kind, values in doubts.items():
@@ -163,7 +167,7 @@ _BY_NUMBERS = frozenset({UNCERTAIN, ONE_WAY, NO_ERROR, HALVES, MOVED_LITTLE, AXI
 
 
 def _by_numbers(row: Mapping[str, Any], wanted_mm: float) -> dict[str, Values]:
-    """Return the doubts about a joint's centre that follow from the numbers in its own row."""
+    """Return the doubts about a joint's centre that follow from the numbers in its row alone."""
     doubts = _error(row.get("sd_mm"), row.get("covariance_mm2"), wanted_mm)
     gap_mm, range_deg, axis_sd_deg = (
         _number(row.get(name)) for name in ("gap_rms_mm", "range_deg", "axis_sd_deg")
@@ -178,14 +182,14 @@ def _by_numbers(row: Mapping[str, Any], wanted_mm: float) -> dict[str, Values]:
 
 
 def _error(sd_mm: Any, covariance_mm2: Any, wanted_mm: float) -> dict[str, Values]:
-    """Return the doubt for the stated error; covariance_mm2 : (36,) of a centre's two halves, or None."""
+    """Return the doubt about the stated error, if any; covariance_mm2 : as for `halves_mm2`."""
     sd = _number(sd_mm)
     if sd is None:
         return {NO_ERROR: {}}
     if sd <= wanted_mm:
         return {}
     halves = [half for half in halves_mm2(covariance_mm2, sd) if np.isfinite(half).all()]
-    half = max(halves or halves_mm2(None, sd), key=np.trace)  # that which is known less well
+    half = max(halves or halves_mm2(None, sd), key=np.trace)  # the less certain one
     values = {"sd_mm": sd, "radius_95_mm": radius_95_mm(half), "wanted_mm": wanted_mm}
     worst_mm = float(np.sqrt(max(np.linalg.eigvalsh(each)[-1] for each in halves or [half])))
     if worst_mm**2 > ONE_DIRECTION * sd**2:
@@ -194,12 +198,12 @@ def _error(sd_mm: Any, covariance_mm2: Any, wanted_mm: float) -> dict[str, Value
 
 
 def _number(value: Any) -> float | None:
-    """Return the number of a cell; None where it is empty or no number."""
+    """Return a cell's value as a float, or None if it is empty or not a finite number."""
     return float(value) if isinstance(value, (int, float, np.floating)) and np.isfinite(value) else None
 
 
 def _text(doubts: Doubts) -> str:
-    """Return doubts as JSON, numbers to a thousandth, so that the same input gives the same bytes."""
+    """Return doubts as JSON, numbers rounded to 0.001 so that the same input gives the same bytes."""
     rounded = {
         kind: {name: round(v, 3) if isinstance(v, float) else v for name, v in values.items()}
         for kind, values in doubts.items()

@@ -1,1 +1,1 @@
-"""What only the Snakefile needs: files and digests of a study, its tables, progress, the warm process."""
+"""Code that only the Snakefile uses: a study's files, digests and tables, progress, and the warm process."""

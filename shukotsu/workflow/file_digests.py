@@ -1,4 +1,4 @@
-"""Files identified by the SHA-256 of their content, cached between runs by file-system state."""
+"""SHA-256 digests of files, cached between runs for files whose size and times are unchanged."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from shukotsu.tables.whole_files import file_sha256, file_state, write_text
 CACHE = Path(".snakemake", "shukotsu-files.json")
 
 STAMP = ".snakemake_timestamp"
-"""Snakemake's file in a folder that is an output: its time is the folder's."""
+"""File that Snakemake puts into a folder that is an output; its time is used as the folder's."""
 SETTLED_NS = 60 * 10**9
-"""A file that changed less than this before it was read is read again, since a further change may not alter
-its times where the file system's clock is coarse or another computer's."""
+"""A file that changed less than this before its digest was computed is read again: if the file system's clock
+is coarse or that of another computer, a later change may not show in the file's times."""
 
 
 def program_digest(root: Path = ROOT) -> str:
-    """Return the program's version; in a checkout, where code changes under it, and a digest of all files."""
+    """Return the program's version, in a checkout followed by a digest of its code and schemas."""
     if not IN_CHECKOUT:
         return VERSION
     digest = hashlib.sha256()
@@ -45,7 +45,7 @@ class FileDigests:
         self._last_run: dict[str, dict[str, str]] = {}
         with suppress(
             OSError, ValueError, TypeError, AttributeError, RecursionError
-        ):  # of another structure: treated as absent
+        ):  # a cache that is absent or of another structure is ignored
             digests, runs = json.loads(cache.read_text("utf-8"))
             self._digests = {
                 path: ([*state], int(at_ns), digest) for path, (state, at_ns, digest) in digests.items()
@@ -53,14 +53,17 @@ class FileDigests:
             self._last_run = {study: dict(contents) for study, contents in runs.items()}
 
     def of(self, paths: Iterable[str]) -> str:
-        """Digest of names and contents of files."""
+        """Return a digest of the names and contents of files."""
         contents = {path: self.sha256(path) for path in paths}
         return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
     def sha256(self, path: str) -> str:
-        """SHA-256 of a file's content, or the reason why it cannot be read, which its reader will report."""
+        """Return the SHA-256 of a file's content, or, if it cannot be read, the reason.
+
+        The stage that reads the file reports the error.
+        """
         if path not in self._read:
-            try:  # a pipe would never end
+            try:  # only regular files: reading a pipe might never end
                 self._read[path] = self._digest(path) if Path(path).is_file() else "no file"
             except OSError as error:
                 self._read[path] = error.strerror or "unreadable"
@@ -76,16 +79,16 @@ class FileDigests:
         return digest
 
     def content(self, path: str) -> str:
-        """Digest of a file, or of all files below a folder except Snakemake's own."""
+        """Return the digest of a file, or of all files below a folder except Snakemake's time stamp."""
         if not Path(path).is_dir():
             return self.sha256(path)
         files = (file for file in Path(path).rglob("*") if file.is_file())
         return self.of(file.as_posix() for file in files if file.name != STAMP)
 
     def changes(self, study: str, contents: Mapping[str, str]) -> list[str]:
-        """Return which inputs changed, appeared or vanished since the study's last run; store their state.
+        """Return the inputs that changed, appeared or vanished since the study's last run; store their state.
 
-        Before the first run none has changed.
+        If there was no run before, the list is empty.
         """
         before = self._last_run.get(study, contents)
         self._last_run[study] = dict(contents)
@@ -94,8 +97,8 @@ class FileDigests:
         return [name for name in {**contents, **before} if before.get(name) != contents.get(name)]
 
     def save(self) -> None:
-        """Store the digests, if any is new."""
+        """Write the cache if any of its digests is new."""
         if self._has_new:
             digests = {path: entry for path, entry in self._digests.items() if Path(path).exists()}
-            with suppress(OSError, InputError):  # not writable: the next run reads files again
+            with suppress(OSError, InputError):  # without a cache, the next run reads all files again
                 write_text(self._cache, json.dumps([digests, self._last_run], sort_keys=True))

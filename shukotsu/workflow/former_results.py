@@ -1,4 +1,4 @@
-"""Results of subjects, recordings, models and exports that no longer belong to a study."""
+"""Removal of results of subjects, recordings, models and exports that no longer belong to a study."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from shukotsu.study.plan_file import read_plan
 from shukotsu.workflow.file_digests import STAMP
 
 EXPORTED = ("sub-", "bids", "tables")
-"""Start of the file names of exports."""
+"""Beginnings of the names of exported files and folders."""
 
 
 def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
-    """Remove these results; return the folders of the subjects and exports that they are of.
+    """Remove results that no longer belong to the study; return the names of the folders they were in.
 
-    A subject's results are those that the plan beside them
-    lists; exports are known by their names; other files are not touched. present : outputs of the present
-    rules.
+    A subject's results are the files that follow from the plan in its folder; exports are recognised by their
+    names. Other files are not touched. present : outputs of the study as it is now.
     """
     exports = [
         f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
@@ -30,7 +29,7 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
         plan = None
-        with suppress(InputError):  # a damaged plan does not tell what was made
+        with suppress(InputError):  # from a damaged plan it is unknown what was made
             plan = read_plan(path)
         if plan is None or plan.folder != path.parent:
             continue
@@ -40,11 +39,11 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
 
 
 def _remove(files: Iterable[Path], top: Path) -> bool:
-    """Remove those of the files that exist, and folders below `top` that are then empty."""
+    """Remove the files that exist and then empty folders below `top`; return whether any file was removed."""
     removed = [file for file in files if file.is_file()]
     for file in removed:
         file.unlink()
-        with suppress(OSError):  # the first folder that is not empty
+        with suppress(OSError):  # stop at the first folder that is not empty
             for folder in file.parents:
                 if folder == top:
                     break
@@ -53,13 +52,13 @@ def _remove(files: Iterable[Path], top: Path) -> bool:
 
 
 def _exported(folder: Path) -> Iterator[Path]:
-    """Exported files in a folder."""
+    """Yield the paths of exported files and folders in a folder."""
     yield from (f for f in sorted(folder.rglob("*")) if f.relative_to(folder).parts[0].startswith(EXPORTED))
     yield folder / STAMP
 
 
 def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
-    """Paths of all results of a subject, according to its plan."""
+    """Yield the paths of all results of a subject according to its plan."""
     yield plan.folder / "plan.json"
     yield from map(plan.poses, plan.recordings)
     yield from (plan.table(name) for name in results.SUBJECT_TABLES)

@@ -1,9 +1,10 @@
-"""Snakemake's records of every output, stored with the results, since copies lose them and users delete them.
+"""Copy of Snakemake's records of all outputs, stored with the results.
 
-At its end a run stores for every job what Snakemake compares (inputs, params, command), and the time and
-SHA-256 of each output. Before the next run decides what to make, outputs are compared with these records.
-Where the content is unchanged, lost records and times are restored, and Snakemake decides as usual. An output
-that differs from what a run left gets a record that matches no job.
+Snakemake's own records are not copied with the results, and users delete them. At its end a run stores for
+every job what Snakemake compares (inputs, params, command), and the time and SHA-256 of each output. Before
+the next run decides what to make, outputs are compared with these records. If an output's content is
+unchanged, its lost record and time are restored, and Snakemake decides as usual. An output that was changed
+after the run gets a record that matches no job, so that it is made again.
 """
 
 from __future__ import annotations
@@ -27,19 +28,22 @@ from shukotsu.workflow.file_digests import STAMP, FileDigests
 COMPARED = {"rule", "input", "params", "code", "software_stack_hash", "record_format_version"}
 """Fields of Snakemake's record that it compares with the present job."""
 NOT_AS_MADE = ["this file is not as a run left it"]
-"""Params of a record that matches no job."""
+"""Params that mark the record of a changed output; no job has them."""
 INSTALLED = {"<python>": sys.executable, "<config>": str(CONFIG_FOLDER)}
-"""Placeholders in stored records for paths of this installation."""
+"""Placeholders in stored records for paths that depend on the installation."""
 SAME_TIME_S = 1e-5
-"""Largest difference of equal times, due to rounding."""
+"""Times that differ by no more than this are equal: they were rounded."""
 
 
 def recall(
     kept: Path, outputs: Collection[str], outdated: Collection[str], digests: FileDigests
 ) -> list[str]:
-    """Restore lost records and times of outputs; return outputs that were changed after a run."""
-    # Snakemake 9.27 has no public way to read or write a record by its path before there are jobs: `metadata`
-    # asks for a rule's file, and `finished` records a job as it is now, which would hide what has changed.
+    """Restore lost records and times of outputs; return the outputs that were changed after a run.
+
+    kept : file of the stored records. outdated : outputs to make again even if their content is unchanged.
+    """
+    # Snakemake 9.27 has no public function that reads or writes the record of a path before there are jobs:
+    # `metadata` needs a rule's file, and `finished` records a job as it is now, which would hide changes.
     memory = FilePersistence()
     entries = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
     spoiled = []
@@ -48,15 +52,15 @@ def recall(
         is_marked = note is not None and note.params == NOT_AS_MADE
         job, digest, time_s = entries.get(path, ({}, "", None))
         if not Path(path).exists() or (note is not None and not is_marked and note.endtime != time_s):
-            continue  # made since, or never stored: Snakemake's own record is newer
+            continue  # Snakemake's own record is newer than the stored one
         if digests.content(path) == digest and path not in outdated:
             if note is None or is_marked or note.input != job["input"]:  # the installation moved
                 compared = {name: job[name] for name in COMPARED}
                 memory._write_record(path, MetadataRecord(**compared, endtime=time_s))
-            stamp = Path(path, STAMP)  # a folder's time is that of Snakemake's file in it
+            stamp = Path(path, STAMP)  # Snakemake takes its file's time as that of the folder
             carrier = stamp if stamp.exists() else Path(path)
             if abs(carrier.stat().st_mtime - time_s) > SAME_TIME_S:
-                with suppress(OSError):  # owned by another user; at worst it is made again
+                with suppress(OSError):  # if it belongs to another user, it may be made again
                     os.utime(carrier, (time_s, time_s))
             continue
         spoiled.append(path)
@@ -83,17 +87,17 @@ def keep(kept: Path, workflow: Any) -> None:
                 former["outputs"] = {path: e for path, e in former["outputs"].items() if path not in new}
             outputs = {path: [digests.content(path), note.endtime] for path, note in new.items()}
             jobs.append(next(iter(new.values())).model_dump(include=COMPARED) | {"outputs": outputs})
-    there = [job for job in jobs if any(Path(path).exists() for path in job["outputs"])]
-    text = ",\n".join(json.dumps(job, ensure_ascii=False) for job in there)
+    kept_jobs = [job for job in jobs if any(Path(path).exists() for path in job["outputs"])]
+    text = ",\n".join(json.dumps(job, ensure_ascii=False) for job in kept_jobs)
     for name, path in INSTALLED.items():
         text = text.replace(path, name)
-    with suppress(OSError, InputError):  # serves only if Snakemake loses its records
+    with suppress(OSError, InputError):  # the copy is needed only if Snakemake's records are lost
         write_text(kept, f"[\n{text}\n]\n")
     digests.save()
 
 
 def _read(kept: Path) -> list[dict[str, Any]]:
-    """Return the stored jobs; none where the file is absent or damaged."""
+    """Return the stored jobs, or an empty list if the file does not exist or is damaged."""
     try:
         text = kept.read_text("utf-8")
         for name, path in INSTALLED.items():

@@ -1,7 +1,7 @@
-"""Allow one run of a study at a time, by a system lock; report why a job failed.
+"""Lock that allows only one run of a study at a time, and reports of why a job failed.
 
-The system releases its lock when the process ends. Snakemake's own lock remains after a killed run, so the
-shipped profiles switch it off (`nolock`).
+The operating system releases this lock when the process ends. Snakemake's own lock remains after a run was
+killed, so the shipped profiles switch it off (`nolock`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shukotsu.errors import InputError, on_one_line
 
 FOLDER = Path(".snakemake")
 HANDED = "SHUKOTSU_HELD"
-"""Environment variable: descriptor of the lock file, which Snakemake inherits from `shukotsu run`."""
+"""Environment variable with the descriptor of the lock file that Snakemake inherits from `shukotsu run`."""
 _held: dict[Path, TextIO] = {}
 """Lock files by path; they stay open until this process ends."""
 
@@ -29,8 +29,9 @@ _held: dict[Path, TextIO] = {}
 def hold(results: Path) -> TextIO | None:
     """Lock a study's results folder until this process ends; return the lock file.
 
-    Raises InputError where another run holds the lock. A file system without locks allows any run. A process
-    that inherits the file holds the lock as well, and is named in it from then on.
+    The lock file names the process that holds the lock. A child process that inherits the file keeps the lock
+    and writes its own name when it calls this function. Raises InputError if another run holds the lock. On a
+    file system without locks every run is allowed. Returns None if the lock file cannot be written.
     """
     import fcntl
 
@@ -53,51 +54,54 @@ def hold(results: Path) -> TextIO | None:
         with file:
             raise InputError(
                 f"study {results.name}: another run of it is under way ({file.read() or 'just begun'}); wait "
-                "for its end, or stop that one first"
+                "until it ends, or stop it first"
             ) from None
-    except OSError:  # a file system without locks, or without room for what only the sentence above needs
+    except OSError:  # a file system without locks, or too full to write the name of this process
         pass
     _held[path] = file
     return file
 
 
 def refuse_unwritable(paths: Iterable[str | Path]) -> None:
-    """Raise InputError where one of the files or folders cannot be written, replaced or created."""
+    """Raise InputError if any of the files or folders cannot be written, replaced or created."""
     refused: set[Path] = set()
     for path in map(Path, paths):
         above = next(folder for folder in path.parents if os.path.lexists(folder))
         if not above.is_dir():
-            raise InputError(f"{above}: is no folder, and results go into a folder there; move it away")
+            raise InputError(f"{above}: is not a folder, but results go into a folder there; move it away")
         refused |= {each for each in (above, path) if each.exists() and not os.access(each, os.W_OK)}
     if refused:
         names = sorted((path.absolute() for path in refused), key=lambda path: (len(path.parts), path))
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
         raise InputError(
-            f"{names[0]}{more}: may not be written (by its rights, or on a read-only disk); change that "
-            "(chmod -R u+w), or run in a folder that is yours: results go there"
+            f"{names[0]}{more}: cannot be written (no permission, or a read-only disk); change that "
+            "(chmod -R u+w), or run in a folder of your own, where results are written"
         )
 
 
 COMMAND_FAILED = "RuleException:\nCalledProcessError"
 FULL_BYTES = 1 << 16
-"""A disk with less free space counts as full."""
+"""Free space below which a disk is reported as full."""
 FULL = (errno.ENOSPC, errno.EDQUOT)
 ENDED_BY_SIGNAL, SIGNALS_ARRIVE_S = ("interrupted", "ended by SIG"), 0.5
-"""How the messages of such jobs begin, and within which time all processes have the signal."""
+"""Beginnings of messages of jobs that a signal ended, and the time by which it has reached all processes."""
 
 
 class FailedJobs(logging.Filter):
-    """Add to Snakemake's messages why a job failed; exit with 2 where outputs cannot be written."""
+    """Filter that replaces Snakemake's reports of failed jobs with the reason for the failure.
+
+    It ends the run with exit code 2 if outputs cannot be written.
+    """
 
     def __init__(self, workflow: Any, results: Path) -> None:
         super().__init__()
         self.workflow, self.results = workflow, results
         self.is_full = False
-        self.began_s = time.time() - 0.1  # times of files are by a coarser clock
-        logging.raiseExceptions = False  # on a full disk, every line of a log would cause an error message
+        self.began_s = time.time() - 0.1  # file times come from a coarser clock
+        logging.raiseExceptions = False  # on a full disk, every log line would print an error
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether Snakemake should print a message; its own reports of failed jobs are replaced."""
+        """Return whether Snakemake should print a message; print why a job failed in place of its report."""
         event, details = str(getattr(record, "event", "")), record.__dict__
         if event.endswith("group_error"):
             self._print(record, f"jobs of group {details['groupid']} failed", details["aux_logs"])
@@ -106,7 +110,7 @@ class FailedJobs(logging.Filter):
         elif getattr(record, "exception", "") == "ProtectedOutputException":
             refuse(self.workflow, self.results)
         text = record.getMessage()
-        if any(f"[Errno {number}]" in text for number in FULL):  # of Snakemake's own files, with a traceback
+        if any(f"[Errno {number}]" in text for number in FULL):  # Snakemake cannot write its own files
             if not self.is_full:
                 self._print(
                     record, "no room is left for files (No space left on device); make room and run again", []
@@ -116,7 +120,7 @@ class FailedJobs(logging.Filter):
         return not text.startswith(COMMAND_FAILED)
 
     def _print_job(self, record: logging.LogRecord) -> None:
-        """Print why a job failed; print nothing for jobs of its group that succeeded or never began."""
+        """Print why a job failed, unless it succeeded or never began and another job of its group failed."""
         details: dict[str, Any] = record.__dict__
         dag = self.workflow.dag
         message = next(job.message for job in dag.jobs if dag.jobid(job) == details["jobid"])
@@ -126,7 +130,7 @@ class FailedJobs(logging.Filter):
             return
         why = reason(log, details["output"]) or details["rule_msg"] or "it ended without an error message"
         if why.startswith(ENDED_BY_SIGNAL):
-            time.sleep(SIGNALS_ARRIVE_S)  # that of this process, if it was sent one too, ends its messages
+            time.sleep(SIGNALS_ARRIVE_S)  # if this process gets the signal too, it prints no more
         self._print(record, f"{message}: {why}", details["log"])
 
     def _print(self, record: logging.LogRecord, sentence: str, logs: list[str]) -> None:
@@ -135,7 +139,7 @@ class FailedJobs(logging.Filter):
 
 
 def reason(log: Path, outputs: list[str]) -> str:
-    """Return the last line of a job's log, which states the reason, or that the disk is full."""
+    """Return why a job failed: the last line of its log, or that the disk is full, or an empty string."""
     text = log.read_text("utf-8", "replace").strip() if log.exists() else ""
     if text:
         last = on_one_line(text.splitlines()[-1].removeprefix("error: "))
@@ -148,7 +152,7 @@ def reason(log: Path, outputs: list[str]) -> str:
 
 
 def refuse(workflow: Any, results: Path) -> None:
-    """Exit with 2 where another run holds the study, or an output or log cannot be written."""
+    """Exit with code 2 if another run has locked the study, or if an output or log cannot be written."""
     with ending_in_a_sentence():
         hold(results)
         refuse_unwritable(path for job in workflow.dag.needrun_jobs() for path in (*job.output, *job.log))
@@ -156,7 +160,7 @@ def refuse(workflow: Any, results: Path) -> None:
 
 @contextmanager
 def ending_in_a_sentence() -> Iterator[None]:
-    """Exit with 2 on an InputError, which Snakemake would report as a bug."""
+    """Print an InputError and exit with code 2; Snakemake would report it as a bug."""
     try:
         yield
     except InputError as error:

@@ -1,6 +1,6 @@
-"""What `shukotsu run` shows of its jobs: on a terminal a line that is updated, elsewhere a line every tenth.
+"""Progress that `shukotsu run` shows: one updated line on a terminal, else a line per tenth of the jobs.
 
-Snakemake's own messages go to its log file alone, but for warnings and errors.
+Snakemake's own messages go only to its log file, except for warnings and errors.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, TextIO
 from shukotsu.errors import count_of
 
 SHOWN = "SHUKOTSU_SHOWN"
-"""Environment variable by which `shukotsu run` sets what is shown."""
+"""Environment variable in which `shukotsu run` passes what to show: PROGRESS or EVERYTHING."""
 PROGRESS, EVERYTHING = "progress", "everything"
 
 STAGES: Mapping[str, tuple[str, int]] = {
@@ -42,17 +42,17 @@ STAGES: Mapping[str, tuple[str, int]] = {
     "subject_pages": ("writing the subject's pages", 3),
     "print_figures": ("drawing figures", 5),
 }
-"""By rule: what its jobs do, and the seconds that one takes in the demo, as weights of the time left."""
+"""What the jobs of each rule do, and how many seconds a job takes in the demo, to weight the time left."""
 TARGET = "all"
-"""The rule that only lists the targets."""
+"""Snakemake's rule that only lists the targets."""
 OF_STUDY = "the study"
 """Message of a job that belongs to no single subject."""
 
 
 class Progress(logging.Filter):
-    """Filter of Snakemake's messages to a stream: shows where the run is in their place.
+    """Filter that replaces Snakemake's messages to a stream with the progress of the run.
 
-    total : jobs to run. The time left is the time so far by the weights of jobs that have and have not ended.
+    The time left is estimated from the time so far and the weights of finished and unfinished jobs.
     """
 
     def __init__(self, workflow: Any, stream: TextIO) -> None:
@@ -65,7 +65,7 @@ class Progress(logging.Filter):
         self.line = ""
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether Snakemake shows a message: warnings and errors, except its reports of jobs."""
+        """Return whether Snakemake should show a message: warnings and errors other than reports of jobs."""
         event, details = str(getattr(record, "event", "")), record.__dict__
         if event == "job_info":
             self._start(details["jobid"], details["rule_name"], details["rule_msg"] or "")
@@ -80,14 +80,14 @@ class Progress(logging.Filter):
         return is_shown
 
     def close(self, logs: Iterable[str]) -> None:
-        """Remove the line; print how many jobs failed and where the log is."""
+        """Erase the progress line; if jobs failed, print how many and where the log is."""
         self.clear()
         if self.failed:
             failed = f"{self.failed} of {count_of(self.total, 'job')} failed, for the reasons above"
             print(f"{failed}; Snakemake's log: {', '.join(logs)}", file=self.stream, flush=True)
 
     def clear(self) -> None:
-        """Remove the line before permanent output."""
+        """Erase the progress line before other output."""
         if self.line and self.stream.isatty():
             print("\r\033[K", end="", file=self.stream, flush=True)
         self.line = ""
@@ -124,7 +124,7 @@ class Progress(logging.Filter):
             )
 
     def _time_left(self) -> str:
-        if self.left > 0.9 * self.weight or not self.left:  # too early to know, or done
+        if self.left > 0.9 * self.weight or not self.left:  # too early to estimate, or done
             return ""
         left_s = (time.monotonic() - self.began_s) * self.left / (self.weight - self.left)
         text = f"{left_s / 60:.0f} min" if left_s >= 90 else f"{left_s:.0f} s"

@@ -1,4 +1,4 @@
-"""Which study a run is of."""
+"""Selection of the study file that a run of the Snakefile uses."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from shukotsu.tables.subjects import path_token
 from shukotsu.tables.whole_files import write_text
 
 DEMO = Path("config", "demo.yaml")
-"""Study of a run that names none."""
+"""Study file of a run without --configfile."""
 
 
 def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:
-    """The file that describes the study: Snakemake's --configfile, or the demo's in this folder.
+    """Return the study file: Snakemake's --configfile, or the demo's in the working directory.
 
-    is_module : of a module of another workflow, whose keys are a study: that of one of the files, or written
-    to a file of this folder. Raises InputError where there are several files, or where --config would change
-    what the file says, which the stages read.
+    is_module : whether this workflow is a module of another one, whose `config` is then a study. Its file is
+    the one of `files` with this content, or else is written to the working directory. Raises InputError if
+    there are several files, or if --config would change values, since stages read the file itself.
     """
     if is_module:
         for path in map(Path, files):
@@ -34,8 +34,8 @@ def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool
             write_text(path, yaml_text(content))
         return path
     if len(files) > 1:
-        raise InputError("--configfile: names several files; a run is of one study")
+        raise InputError("--configfile: names several files; expected that of one study")
     path = Path(files[0]) if files else DEMO
     if config and dict(config) not in (read_config(path, "study", with_defaults=False), as_yaml_1_1(path)):
-        raise InputError(f"--config: a study is described by its file alone; write it into {path}")
+        raise InputError(f"--config: a study's settings come from its file only; write them into {path}")
     return path

@@ -1,4 +1,4 @@
-"""Inputs and outputs of the Snakefile's jobs, and the parts of the plan that they use."""
+"""Inputs and outputs of the Snakefile's jobs, and the parts of the plan that they depend on."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ from shukotsu.command_line import option_of
 from shukotsu.errors import InputError, list_names
 from shukotsu.hand.known_digits import known_digits, refusal
 from shukotsu.study import results
-from shukotsu.study.config_files import (
-    CONFIG_FOLDER,
-    REFERENCE,
-)
+from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.plan_file import (
     StudyPlans,
     fit_part,
@@ -34,19 +31,34 @@ from shukotsu.workflow.file_digests import FileDigests
 from shukotsu.workflow.former_results import remove_former_results
 
 Wildcards = Any
-"""Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
+"""Snakemake's wildcards: attributes subject (with session), hand, recording and model, as in paths."""
 
 
 class StudyFiles:
-    """Paths, options and digests of a study, by the wildcards of a job.
+    """Paths, options and digests of a study, looked up by the wildcards of a job.
 
-    options : say which study a job is of. subjects : plans of every subject in every session, in the sheet's
-    order. simulated, streamed, simulated_truth : a simulated recording, as its tracker's raw capture, and its
-    truth tables, with wildcards; unused paths where no recording is simulated. kept : what Snakemake noted of
-    the results. whole_tables : study_tables, model_comparisons, movement_comparisons. figures : for print,
-    and their captions. exports : the folder of everything that is exported, none where nothing is.
-    export_formats : of each recording; the dataset of all is a job of its own. export_folders : of each
-    subject, of the dataset of all, of the study's tables.
+    Attributes
+    ----------
+    options
+        Command-line options that name the study and its results folder.
+    subjects
+        Plans of every subject in every session, in the sheet's order.
+    simulated, streamed, simulated_truth
+        Patterns, with wildcards, of the paths of a simulated recording, of the same recording as the
+        tracker's raw capture, and of its truth tables; paths that do not exist if nothing is simulated.
+    kept
+        File with the copy of Snakemake's records of the results.
+    whole_tables
+        All paths in study_tables, model_comparisons and movement_comparisons.
+    figures
+        Figures for print, with their captions.
+    exports
+        The folder in which all exports are collected; an empty list if the study exports nothing.
+    export_formats
+        Formats of the exports of single recordings; another job exports the Motion-BIDS dataset.
+    export_folders
+        Folders in which exports are made: each subject's, the dataset's, and that of the study's tables.
+
     """
 
     def __init__(self, study_file: Path) -> None:
@@ -77,7 +89,7 @@ class StudyFiles:
             if not any(folder.resolve().is_relative_to(above.resolve()) for above in around):
                 raise InputError(
                     f"{self.file}: simulation.folder: {folder} is neither below the study file's folder nor "
-                    "below the one that this runs in; expected a folder there"
+                    "below the working directory; expected a folder there"
                 )
         recording = _relative(folder / "sub-{subject}_hand-{hand}_task-{task}")
         self.simulated, self.streamed = f"{recording}.parquet", f"{recording}.arrows"
@@ -91,8 +103,8 @@ class StudyFiles:
         for path in (*self._configuration, *([] if simulation is None else [_relative(folder)])):
             if not _can_be_declared(path):
                 raise InputError(
-                    f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
-                    "it, or run from a folder from which its path does not"
+                    f"{path}: its path contains {{...}} or <...>, which mean something else to Snakemake; "
+                    "rename it, or run from a folder from which its path does not contain them"
                 )
         self._name_results()
 
@@ -118,7 +130,7 @@ class StudyFiles:
         self.export_folders += [str(paths.tidy_tables)] if "csv" in study.exports else []
 
     def what_changed(self) -> str:
-        """Describe the inputs that changed since the last run, if any; store their present state."""
+        """Return a sentence on the inputs that changed since the last run, or none; store their state."""
         files = {
             token: [*self._event_files(token), *(p for r in plan.recordings for p in self._files_of(r))]
             for token, plan in self._plans.items()
@@ -135,16 +147,17 @@ class StudyFiles:
         return f"changed since the last run: {list_names(named)}; results made again: {whose}the study's"
 
     def remove_former(self) -> str:
-        """Remove results that no longer belong to the study; return a text that names whose, if any."""
+        """Remove results that no longer belong to the study; return a sentence on them, if any."""
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders, *self.exports}
         former = remove_former_results(self.results, present)
-        return f"removed results of what the study has no longer: {list_names(former)}" if former else ""
+        return f"removed results that no longer belong to the study: {list_names(former)}" if former else ""
 
-    def what_is_not_as_made(self) -> str:
-        """Describe which results were changed after a run and are made again, or return an empty text.
+    def changed_results(self) -> str:
+        """Return a sentence on the results that were changed after a run, or an empty string.
 
-        Snakemake's lost records are restored. An outdated plan is rewritten when a run begins, which needs at
-        least one job: the study's tables.
+        Those results are made again; Snakemake's lost records of all others are restored. An outdated plan is
+        rewritten when a run starts, and a run starts only if there is a job to do; so the job that writes the
+        study's tables is made to run.
         """
         from shukotsu.workflow.made_from import recall  # imports Snakemake, often not needed
 
@@ -156,28 +169,28 @@ class StudyFiles:
             spoiled = recall(self.kept, [*outputs, *simulated], tables, self._digests)
         folder = f"{self.results.folder.as_posix()}/"
         named = [path.removeprefix(folder) for path in spoiled if path not in tables]
-        return f"not as a run left them, and made anew: {list_names(named)}" if named else ""
+        return f"results changed after their run, now made again: {list_names(named)}" if named else ""
 
     def changed_plans(self) -> dict[Path, str]:
-        """Return the new texts of plans that no longer match the study, by path."""
+        """Return the new texts, by path, of plan files that no longer match the study."""
         texts = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
         return {path: t for path, t in texts.items() if path.is_file() and path.read_bytes() != t.encode()}
 
     # --- of one subject -----------------------------------------------------------------------------------
 
     def subject(self, wildcards: Wildcards) -> SubjectSession:
-        """Return the subject and session for the wildcard `subject`, which is their form in paths."""
+        """Return the subject and session that the wildcard `subject` stands for."""
         return self._plans[wildcards.subject].who
 
     def subject_options(self, wildcards: Wildcards) -> str:
-        """Options that name a job's subject and session."""
+        """Return the options that name a job's subject and session."""
         who = self.subject(wildcards)
         session = [f"--session={who.session}"] if who.session else []
         return shlex.join([f"--subject={who.subject}", *session])
 
     def font_note(self) -> str:
-        """Return in which language figures for print are, where it is not the study's."""
-        if self.study.language == "en":  # a plain run need not load what draws
+        """Return a note if figures for print cannot be in the study's language, or an empty string."""
+        if self.study.language == "en":  # avoid loading matplotlib
             return ""
         from shukotsu.report.figures.style import font_note
 
@@ -186,7 +199,10 @@ class StudyFiles:
     def resources(
         self, minutes: int, minutes_a_gb: int, most_mb: int = 1200
     ) -> dict[str, Callable[[Wildcards], int]]:
-        """Resources of a subject's job by the size of its recordings; most_mb : limit of memory, MB."""
+        """Return Snakemake's resources of a subject's job by the size of the subject's recordings.
+
+        minutes, minutes_a_gb : run time without data, and more per GB. most_mb : upper limit of memory, MB.
+        """
 
         def gb(wildcards: Wildcards) -> float:
             recordings = self._plans[wildcards.subject].recordings
@@ -199,74 +215,77 @@ class StudyFiles:
         }
 
     def plan(self, wildcards: Wildcards) -> str:
-        """Digest of the subject's whole plan."""
+        """Return a digest of the subject's whole plan."""
         return plan_digest(self._contents[wildcards.subject])
 
     def recordings_plan(self, wildcards: Wildcards) -> str:
-        """Digest of the recordings in the subject's plan."""
+        """Return a digest of the parts of the subject's plan that describe recordings."""
         return plan_digest(recordings_part(self._contents[wildcards.subject]))
 
     def simulated_recording(self, wildcards: Wildcards) -> list[str]:
-        """File of a recording that the workflow simulates."""
+        """Return the file of a recording if the workflow simulates it, else an empty list."""
         recording = self._recording(wildcards)
         return [path for path in [_relative(recording.source.file)] if path in self._made_for(recording)]
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
-        """Existing user files that a recording is read from, as far as Snakemake accepts their names."""
+        """Return the existing user files that a recording is read from, if Snakemake accepts their names."""
         return _declarable(self._files_of(self._recording(wildcards)))
 
     def recording_digest(self, wildcards: Wildcards) -> str:
-        """Digest of the contents of all user files that a recording is read from."""
+        """Return a digest of the contents of all user files that a recording is read from."""
         return self._digests.of(self._files_of(self._recording(wildcards)))
 
     def event_files(self, wildcards: Wildcards) -> list[str]:
-        """User files that the subject's events are read from, as in `recording_files`."""
+        """Return the user files that the subject's events are read from, selected as in `recording_files`."""
         return _declarable(self._event_files(wildcards.subject))
 
     def event_digest(self, wildcards: Wildcards) -> str:
-        """Digest of the contents of all user files that the subject's events are read from."""
+        """Return a digest of the contents of all user files that the subject's events are read from."""
         return self._digests.of(self._event_files(wildcards.subject))
 
     def _made_for(self, recording: Recording) -> list[str]:
-        """Paths of the files that the workflow may simulate for a recording."""
+        """Return the paths that the files of a recording have if the workflow simulates it."""
         hand = recording.hand
         token = SubjectSession(hand.subject, hand.session).token
         names = {"subject": token, "hand": hand.hand, "task": recording.task}
         return [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
 
     def _files_of(self, recording: Recording) -> list[str]:
-        """User files that a recording is read from: its data and its mapping."""
+        """Return the user files that a recording is read from: its data and its mapping."""
         paths = filter(None, (recording.source.file, recording.source.mapping))
         return [
             path for path in dict.fromkeys(map(_relative, paths)) if path not in self._made_for(recording)
         ]
 
     def _event_files(self, subject: str) -> list[str]:
-        """User files that a subject's events are read from, including recordings, which may hold pulses."""
+        """Return the user files that a subject's events are read from.
+
+        They include the recordings themselves, which may contain synchronisation pulses.
+        """
         recordings = [r for r in self._plans[subject].recordings if r.events is not None]
         paths = [(r, _relative(path)) for r in recordings for path in (r.source.file, r.events) if path]
         return list(dict.fromkeys(path for r, path in paths if path not in self._made_for(r)))
 
     def import_options(self, wildcards: Wildcards) -> str:
-        """Options that describe a recording to the command that imports it."""
+        """Return the options that describe a recording to the command that imports it."""
         return shlex.join(import_options(self._recording(wildcards)))
 
     def layout_digest(self, wildcards: Wildcards) -> str:
-        """Digest of a hand's layout."""
+        """Return a digest of a hand's layout."""
         return plan_digest(self._contents[wildcards.subject]["layouts"][wildcards.hand])
 
     def poses(self, wildcards: Wildcards) -> list[str]:
-        """Poses files of the subject's recordings, without excluded ones."""
+        """Return the poses files of the subject's recordings, without excluded ones."""
         plan = self._plans[wildcards.subject]
         return [str(plan.poses(recording)) for recording in plan.recordings if not recording.exclude]
 
     def subject_tables(self, wildcards: Wildcards) -> list[str]:
-        """Return the subject's own tables, of both hands and all models, and those of its fits."""
+        """Return the subject's tables: those with both hands and all models, and those of each fit."""
         plan = self._plans[wildcards.subject]
         return [*map(str, map(plan.table, results.SUBJECT_TABLES)), *self.fit_tables(wildcards)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
-        """Poses files that a job of fits reads; both hands' where the model shares lengths between them."""
+        """Return the poses files that a fit reads; those of both hands if the model shares bone lengths."""
         plan, hand = self._plans[wildcards.subject], getattr(wildcards, "hand", "")
         model = plan.models.get(self.model(wildcards))
         both = not hand or (model is not None and model.fitting is not None and model.fitting.share_lengths)
@@ -274,15 +293,15 @@ class StudyFiles:
         return [str(plan.poses(recording)) for recording in recordings]
 
     def model(self, wildcards: Wildcards) -> str:
-        """Name of the model for the wildcard, which is its form in paths."""
+        """Return the name of the model that the wildcard `model` stands for."""
         return self._models[wildcards.model]
 
     def layout(self, wildcards: Wildcards) -> str:
-        """The layout of a hand."""
+        """Return the path of a hand's layout."""
         return _relative(self.study.layout_of(self._plans[wildcards.subject].hand(wildcards.hand)))
 
     def inputs(self, *names: str) -> dict[str, Any]:
-        """Return, by name, a subject's plan, poses, and tables of both hands and all models."""
+        """Return a rule's inputs by name: `plan`, `poses`, or tables with both hands and all models."""
         from snakemake.io import ancient  # reading a study does not need Snakemake
 
         folder = f"{self.results.folder.as_posix()}/sub-{{subject}}"
@@ -292,7 +311,7 @@ class StudyFiles:
     def fits(self, *names: str, references: bool = False) -> dict[str, Callable[[Wildcards], list[str]]]:
         """Return, by table name, a function that lists the tables of the subject's whole-hand fits.
 
-        references : include those of the average hand, where it has any of the digits.
+        references : include those of the average hand, if it has any of the layout's digits.
         """
 
         def files(wildcards: Wildcards, name: str) -> list[str]:
@@ -304,14 +323,16 @@ class StudyFiles:
         return {name: partial(files, name=name) for name in names}
 
     def fit_tables(self, wildcards: Wildcards) -> list[str]:
-        """Return every table of the subject's whole-hand fits, its references' too."""
+        """Return every table of the subject's whole-hand fits, including those of the average hand."""
         kinds = self.fits(*results.FIT_TABLES, references=True).values()
         return [path for files in kinds for path in files(wildcards)]
 
     @property
     def fitted_together(self) -> dict[str, str]:
-        """Patterns of the subjects and models whose two hands one job fits: those that share bone lengths,
-        and the reference, which is hardly any work.
+        """Wildcard patterns of the subjects and models for which one job fits both hands.
+
+        They are the subjects whose hands have the same layout, and the models that share bone lengths between
+        hands or are the reference, which takes hardly any time.
         """
         fittings = {name: model.fitting for plan in self.subjects for name, model in plan.models.items()}
         layouts = {token: [*plan.layouts.values()] for token, plan in self._plans.items()}
@@ -325,12 +346,12 @@ class StudyFiles:
         return {name: "|".join(map(re.escape, of_name)) or "(?!)" for name, of_name in tokens.items()}
 
     def fit_plan(self, wildcards: Wildcards) -> str:
-        """Digest of the plan of a fit of the whole hand, or of both."""
+        """Return a digest of the part of the plan that a whole-hand fit depends on."""
         model, hand = self.model(wildcards), getattr(wildcards, "hand", "")
         return plan_digest(fit_part(self._contents[wildcards.subject], hand, model))
 
     def truth(self, wildcards: Wildcards) -> list[str]:
-        """Truth tables of the subject's simulated recordings."""
+        """Return the truth tables of the subject's simulated recordings."""
         plan = self._plans[wildcards.subject]
         folders = [recording.truth for recording in plan.recordings if not recording.exclude]
         paths = [folder / f"{name}.parquet" for folder in folders if folder for name in results.TRUTH_TABLES]
@@ -365,12 +386,12 @@ class StudyFiles:
 
     @property
     def configuration(self) -> list[str]:
-        """The study file with its sheets, layouts and models, and mappings that Snakemake accepts."""
+        """The study file, its sheets, layouts and models, and the mappings whose paths Snakemake accepts."""
         return [*self._configuration, *_declarable(self._mappings)]
 
     @property
     def configuration_digest(self) -> str:
-        """Digest of the contents of these files and of all mappings."""
+        """Digest of the contents of these files and of the other mappings."""
         return plan_digest([self._digests.sha256(path) for path in (*self._configuration, *self._mappings)])
 
     @property
@@ -382,20 +403,20 @@ class StudyFiles:
 
     @property
     def participants(self) -> str:
-        """Option that names the participants sheet, for the dataset's command; empty without a sheet."""
+        """Option that names the participants sheet; an empty string if the study has none."""
         sheet = self.study.sheets.get("participants")
         return "" if sheet is None else shlex.join([f"--participants={_relative(sheet)}"])
 
     @property
     def outputs(self) -> list[str]:
-        """Return all final outputs of the study."""
+        """All final outputs of the study."""
         files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
         files += [*self.tables, *self.subject_pages]
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
 
 
 def import_options(recording: Recording) -> list[str]:
-    """Options that describe a recording of a plan to the command that imports it."""
+    """Return the options that describe a recording of a plan to the command that imports it."""
     source = recording.source
     values = {
         "in": _relative(source.file),
@@ -409,17 +430,17 @@ def import_options(recording: Recording) -> list[str]:
 
 
 def _declarable(paths: Sequence[str]) -> list[str]:
-    """Those of the files that exist and whose names Snakemake accepts."""
+    """Return those of the files that exist and whose paths Snakemake accepts."""
     return [path for path in paths if _can_be_declared(path) and Path(path).is_file()]
 
 
 def _can_be_declared(path: str) -> bool:
-    """Whether Snakemake accepts a path unchanged: wildcards and variables in it cannot be quoted."""
+    """Return whether Snakemake takes a path literally; it cannot escape wildcards and variables in one."""
     return not re.search(r"\{.*\}|<[a-z][a-z0-9_]*>", path)
 
 
 def _relative(path: str | Path) -> str:
-    """Return a path relative to this folder; the program's own files are named independently of it."""
+    """Return a path relative to the working directory; files of an installed program keep absolute paths."""
     if Path(path).is_relative_to(CONFIG_FOLDER) and not CONFIG_FOLDER.is_relative_to(Path.cwd()):
         return Path(path).as_posix()
     return Path(os.path.relpath(path)).as_posix()

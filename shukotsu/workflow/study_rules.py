@@ -1,4 +1,4 @@
-"""Start and end of the Snakefile: reading the study, and settings that all rules share."""
+"""What the Snakefile runs at its start and end: read the study, and set what all rules share."""
 
 from __future__ import annotations
 
@@ -26,34 +26,34 @@ from shukotsu.workflow.study_file import study_file
 from shukotsu.workflow.study_files import StudyFiles
 
 CAPTIONS = PACKAGE / "report" / "captions"
-"""Folder of the captions of `snakemake --report`."""
+"""Folder of the captions that `snakemake --report` uses."""
 
 WILDCARDS = dict.fromkeys(("subject", "hand", "task", "recording", "model"), "[^/]+") | {"hand": "right|left"}
-"""Allowed values of wildcards."""
+"""Regular expressions of the values of wildcards."""
 STAGES = '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"'
-"""Start of the rules' commands; a path in them would make a moved checkout run everything again."""
+"""Start of the rules' commands. If it contained paths, a moved checkout would run everything again."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
-"""Names of wildcards in messages."""
+"""Wildcards in the wording of messages."""
 
 
 def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
-    """Read the study of a workflow, and register what is done when a run starts and ends.
+    """Read the study of a workflow, and register the functions that run when it starts and ends.
 
-    top : the folder of the Snakefile. Raises WorkflowError where the study cannot be read.
+    top : the folder of the Snakefile. Raises WorkflowError if the study cannot be read.
     """
-    if (top / "shukotsu").is_dir():  # a checkout, for jobs; not in their commands: it may move
+    if (top / "shukotsu").is_dir():  # a checkout: its path must not be in the commands of jobs
         paths = [str(top), os.getenv("PYTHONPATH")]
         os.environ.update(PYTHONPATH=os.pathsep.join(filter(None, paths)))
     files = [top / "Snakefile", top / "workflow" / "Snakefile"]
-    is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
-    if not is_module:  # no module is imported from the working folder
+    is_module = Path(workflow.main_snakefile).resolve() not in files  # used by another Snakefile
+    if not is_module:  # do not import modules from the working directory
         os.environ.update(PYTHONSAFEPATH="1")
     os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_JOB=job.__file__)
     os.environ.update(SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
-        notes += [study.what_is_not_as_made(), study.font_note()] if workflow.is_main_process else []
+        notes += [study.changed_results(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
         raise WorkflowError(str(error)) from None
     _note(*notes)
@@ -64,14 +64,14 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     if shown:
         logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))
     for handler in logger.handlers if shown == progress.PROGRESS and not workflow.dryrun else ():
-        if handler.name == "DefaultStreamHandler":  # and not that of Snakemake's log file
+        if handler.name == "DefaultStreamHandler":  # the terminal's, not the log file's
             handler.addFilter(line)
 
     def end(*_: object) -> None:
         line.clear()
         if shown:
-            logging.disable()  # that it was ended, whoever ended it says
-        if not workflow.local_exec:  # jobs are cancelled then; their threads may sleep for long
+            logging.disable()  # `shukotsu run` reports the signal
+        if not workflow.local_exec:  # jobs on a cluster are cancelled, but their threads may sleep for long
             workflow.scheduler._executor.shutdown = lambda: os._exit(1)
         raise KeyboardInterrupt
 
@@ -80,7 +80,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         one_run.refuse(workflow, study.results.folder)
         with one_run.ending_in_a_sentence():
             _note(study.what_changed(), study.remove_former())
-            for path, text in study.changed_plans().items():  # which is no job of Snakemake's
+            for path, text in study.changed_plans().items():  # no rule makes an existing plan again
                 write_text(path, text)
         warm_process.start()
 
@@ -96,9 +96,10 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
 
 
 async def _take_any_time(*_: object) -> None:
-    """Take the place of Snakemake's test after a job, which has no option: it fails where an input's time is
-    later than an output's, as that of a tracker whose clock is ahead. What is out of date is decided by
-    content.
+    """Replace Snakemake's check after a job, which cannot be switched off by an option.
+
+    The check fails if an input is newer than an output, as a file is from a tracker whose clock is ahead.
+    Here contents decide what is out of date.
     """
 
 
@@ -108,10 +109,11 @@ def _note(*notes: str) -> None:
 
 
 def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
-    """Set every rule's log, message, parts of its command, and params that trigger a rerun.
+    """Set every rule's log, message, parts of its command, and the params whose change triggers a rerun.
 
-    The last are the program's digest, and those of what inputs of these names say: the subject's plan, all
-    plans, the study's configuration. A rule that uses a part of a plan has its own.
+    These params are the program's digest, and the digests of the subject's plan, of all plans and of the
+    study's configuration for rules that have them as inputs. A rule that depends on only a part of a plan
+    sets that part's digest itself.
     """
     code = program_digest()
     params_of: dict[str, dict[str, Any]] = {
@@ -120,7 +122,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         "configuration": {"configuration": study.configuration_digest, "study": study.options},
     }
     for rule in workflow.rules:
-        if str(rule.snakefile) != snakefile or not rule.output:  # of a rule made of another it is no text
+        if str(rule.snakefile) != snakefile or not rule.output:  # str: it may be a path object
             continue
         names = [name for name in WILDCARDS if name in rule.wildcard_names]
         prefixes = {"subject": "sub-", "recording": ""}
@@ -131,7 +133,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or progress.OF_STUDY}"
         rule.set_params(stages=STAGES)
-        if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
+        if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run starts
             continue
         rule.set_params(code=code)
         if "{params.arguments}" in rule.shellcmd:
@@ -143,7 +145,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
 
 
 def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake passes them by these names
-    """Return the named inputs and outputs of a job as the options of those names of its stage."""
+    """Return a job's named inputs and outputs as options of its stage, such as `--poses FILE`."""
     words: list[str] = []
     for name, files in (*input.items(), *output.items()):
         words += [option_of(name), *([files] if isinstance(files, str) else files)]
@@ -151,14 +153,14 @@ def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake
 
 
 def report_page(study: StudyFiles) -> Any:
-    """Return the study's page, as a result of `snakemake --report`."""
+    """Return the study's page, marked for inclusion in `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
     caption = f"{CAPTIONS}/report.rst"
     return report(page, caption=caption, category="Study", labels=labels)
 
 
 def report_figures(study: StudyFiles) -> list[Any]:
-    """Return the study's figures for print; drawings are in `snakemake --report`, with their captions."""
+    """Return the study's figures for print; SVG files are marked for inclusion in `snakemake --report`."""
     figures: list[Any] = []
     for path in map(Path, study.figures):
         caption = str(path.with_suffix(".txt").absolute())

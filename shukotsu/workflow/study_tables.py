@@ -1,4 +1,4 @@
-"""Make the study's tables from those of its subjects; every failure is a row of problems, with its reason."""
+"""Combine the subjects' tables into the study's; each failure becomes a row of `problems` with its reason."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from shukotsu.study.plan_file import read_plan
 from shukotsu.study.recording_summary import part_problems, subject_tables
 from shukotsu.study.results import GATHERED_TABLES, Results
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
-from shukotsu.study.study import Study, columns_handed_on, correction_problems, unmatched_rows
+from shukotsu.study.study import Study, correction_problems, unmatched_rows, unused_columns
 from shukotsu.tables.catalogue import (
     AGREEMENT,
     FINDINGS,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 def gather_study(study: Study, results: Results) -> None:
-    """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
+    """Write the study's tables into its results folder. Raises TableError if a subject's table is damaged."""
     plans = [read_plan(results.plan(*who)) for who in study.sessions]
     of_subjects = [subject_tables(plan) for plan in plans]
     recordings = [row for subject in of_subjects for row in subject.recordings]
@@ -60,7 +60,7 @@ def gather_study(study: Study, results: Results) -> None:
     ]
     for plan, subject in zip(plans, of_subjects, strict=True):
         problems += [*_bugs(plan), *subject.problems]
-    # recordings with exactly the poses of another subject or session
+    # find recordings whose poses equal those of another subject or session
     digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
     of_recordings = (
         (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
@@ -69,21 +69,21 @@ def gather_study(study: Study, results: Results) -> None:
     )
     for recording, finding in copies(of_recordings):
         problems.append(problem_row(STAGE, finding, **vars(recording.hand), task=recording.title))
-    said: list[tuple[str, str, str, str]] = []  # of sheets: rule, kind, severity, sentence
+    of_sheets: list[tuple[str, str, str, str]] = []  # rule, kind, severity and sentence of problems of sheets
     if (sheet := study.sheets.get("corrections")) is not None:
         layout = read_layout(study.layout.absolute())
         texts = correction_problems(read_sheet(sheet, CORRECTIONS), sheet, study.hands, layout)
-        said += [("project_planes", "correction", REFUSED, text) for text in texts]
-    said += [("plan", "sheet", REFUSED, text) for text in unmatched_rows(study)]
-    said += [("plan", "sheet", NOTE, text) for text in columns_handed_on(study)]
-    problems += [problem_row(rule, finding_of_text(kind, how, text)) for rule, kind, how, text in said]
+        of_sheets += [("project_planes", "correction", REFUSED, text) for text in texts]
+    of_sheets += [("plan", "sheet", REFUSED, text) for text in unmatched_rows(study)]
+    of_sheets += [("plan", "sheet", NOTE, text) for text in unused_columns(study)]
+    problems += [problem_row(rule, finding_of_text(kind, how, text)) for rule, kind, how, text in of_sheets]
     for name in GATHERED_TABLES:
         rows = pa.concat_tables([subject.tables[name] for subject in of_subjects])
         files = [file for plan in plans for file in plan.files_of(name)]
         columns = {column.name: rows.column(column.name) for column in TABLES[name].columns}
         provenance = Provenance.of(files, results.folder)
         write_table(results.study_table(name), TABLES[name], columns, provenance)
-    # write the study with its layouts and models as one YAML file, with all defaults
+    # write the study, its layouts and its models with all defaults into one YAML file
     layouts = dict.fromkeys(recording.source.layout for recording in study.recordings)
     whole = {
         "program": f"{PROGRAM} {VERSION}",
@@ -104,7 +104,7 @@ def gather_study(study: Study, results: Results) -> None:
 
 
 def _with_further_columns(study: Study, rows: Sequence[RecordingsRow]) -> Table:
-    """Return the recordings table with the sheet's further columns, which are added to the rows."""
+    """Add the sheet's further columns to the rows; return the table's definition with these columns."""
     taken = {column.name for column in RECORDINGS.columns}
     names = {name: f"{name}_of_sheet" if name in taken else name for name, _ in study.recordings[0].more}
     more = {tuple(recording.key.values()): recording.more for recording in study.recordings}
@@ -121,11 +121,11 @@ _WRITTEN_BEFORE = (
     (JOINT_CENTRES, "projected_joints", "project_planes"),
     (RECEIVERS, RECEIVERS.name, "fit_hand"),
 )
-"""Tables whose failures later stages repeat, by form and file, and the rule that writes each."""
+"""Tables whose failures later stages repeat: definition, name and the rule that writes the table."""
 
 
 def _bugs(plan: SubjectPlan) -> Iterator[ProblemsRow]:
-    """Name the stage that a bug is in, before later stages repeat the failure as their own."""
+    """Yield internal errors with the stage that caused them; later stages repeat them as their own."""
     references = [plan.table(RECEIVERS.name, hand, REFERENCE) for hand in plan.hands]
     for table, name, stage in _WRITTEN_BEFORE:
         files = plan.files_of(name) + (references if name == RECEIVERS.name else [])

@@ -1,7 +1,7 @@
-"""A process that has imported what jobs need, and forks for each of them (see `shukotsu.job`).
+"""A process that has imported the modules that jobs need, and forks for each job (see `shukotsu.job`).
 
-It runs as long as the workflow that started it, on Linux and on one machine. It computes nothing with more
-than one thread and so has none that a fork would lose.
+It runs as long as the workflow that started it, on Linux and on one machine. All computation is on a single
+thread, so a fork, which keeps only one thread, loses nothing.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ ROOMS = (
     *("study", "tables"),
 )
 PACKAGES = ("jsonschema", "matplotlib.backends.backend_pdf", *(f"shukotsu.{room}" for room in ROOMS))
-"""Modules imported before the first fork; of a package of this project, all its modules."""
+"""Modules to import before the first fork; of this project's packages, all modules are imported."""
 WAITING = 128
 KEEP_MEMORY = {
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 28),
     "MALLOC_TOP_PAD_": str(1 << 24),
 }
-"""Settings of glibc: arrays that are freed are used again, not returned to the system and cleared anew."""
+"""Settings of glibc with which memory of freed arrays is reused instead of returned to the system."""
 
 
 def start() -> subprocess.Popen[bytes] | None:
-    """Start the process, which ends with this one; jobs find its address in their environment.
+    """Start the warm process, which ends with this one; jobs find its address in their environment.
 
-    Where it cannot start, or the environment already has an address, every job starts on its own.
+    Returns None without starting it if the system is not Linux, if the environment already has an address,
+    or if there is an error. Jobs that find no address start on their own.
     """
     if sys.platform != "linux" or job.ADDRESS in os.environ:
         return None
@@ -53,7 +54,7 @@ def start() -> subprocess.Popen[bytes] | None:
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         address = str(Path(folder, "jobs"))
         listener.bind(address)
-        listener.listen(WAITING)  # jobs may connect from now on; they wait until everything is imported
+        listener.listen(WAITING)  # jobs can connect from now on, and wait until all is imported
         process = subprocess.Popen(
             [sys.executable, "-m", "shukotsu.workflow.warm_process", str(listener.fileno())],
             stdin=subprocess.PIPE,  # never written to; the system closes it when this process ends
@@ -77,8 +78,8 @@ def serve(listener: socket.socket) -> None:
             for module in pkgutil.walk_packages(package.__path__, f"{name}."):
                 importlib.import_module(module.name)
     if (fits := sys.modules.get("shukotsu.fit.compile_kernel")) is not None:
-        fits.load_compiled()  # which takes longer than many a job
-    gc.freeze()  # the garbage collector skips existing objects, so that forks share their memory
+        fits.load_compiled()  # takes longer than many jobs
+    gc.freeze()  # exempt existing objects from garbage collection, so that forks share their memory
     forks: set[int] = set()
     while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:
         connection, _ = listener.accept()
@@ -88,10 +89,10 @@ def serve(listener: socket.socket) -> None:
             _run_job(connection)
         forks.add(fork)
         connection.close()
-        with suppress(ChildProcessError):  # finished forks: their resources count as this process's
+        with suppress(ChildProcessError):  # reap finished forks, so that their resource usage is counted
             while ended := os.waitpid(-1, os.WNOHANG)[0]:
                 forks.discard(ended)
-    for fork in forks:  # the workflow was killed; no fork may write files during its next run
+    for fork in forks:  # the workflow was killed; no fork may still write files during its next run
         with suppress(ProcessLookupError):
             os.kill(fork, signal.SIGKILL)
         with suppress(ChildProcessError):
@@ -99,7 +100,7 @@ def serve(listener: socket.socket) -> None:
 
 
 def _run_job(connection: socket.socket) -> None:
-    """Run the job that the client requests, send it the exit code, and end."""
+    """Run the job that the client requests, send the exit code to the client, and end this process."""
     status = 1
     try:
         status = _status_of_job(connection)
@@ -109,7 +110,7 @@ def _run_job(connection: socket.socket) -> None:
                 stream.flush()
         with suppress(OSError):  # the client has ended
             connection.sendall(bytes([status & 255]))
-    finally:  # in any case: a fork must never return to the listener
+    finally:  # a fork must never return to the listener
         os._exit(status & 255)
 
 
@@ -122,7 +123,7 @@ def _status_of_job(connection: socket.socket) -> int:
         for number, descriptor in enumerate(streams):
             os.dup2(descriptor, number)
             os.close(descriptor)
-        # reopened, since the old streams treat the new pipe as the former file
+        # the old stream objects may assume properties of the former files
         sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115
         sys.stderr = open(2, "w", 1, sys.stderr.encoding, "backslashreplace", closefd=False)  # noqa: SIM115
         os.chdir(folder)
@@ -133,7 +134,7 @@ def _status_of_job(connection: socket.socket) -> int:
         return command_line.run_script(argv[0], argv[1:])
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except BaseException:  # as Python itself ends: a traceback in the job's log, and exit code 1
+    except BaseException:  # like Python: a traceback in the job's log, and exit code 1
         traceback.print_exc()
         return 1
 
@@ -149,5 +150,5 @@ if __name__ == "__main__":
     with suppress(KeyboardInterrupt), socket.socket(fileno=int(sys.argv[1])) as listener:
         try:
             serve(listener)
-        finally:  # this process's parent may have been killed
+        finally:  # the parent process may have been killed before it could remove the folder
             shutil.rmtree(Path(listener.getsockname()).parent, ignore_errors=True)

@@ -94,7 +94,7 @@ def test_a_page_that_can_be_written_no_more_costs_no_row(
     assert coach(["--port=made up", "--subject=03", "--page=pages/x.html"]) == 0
     printed = capsys.readouterr()
     assert "captures/03_right_rom.arrows: entered in recordings.tsv as excluded: it shows no" in printed.out
-    assert printed.err.count("note: no page any more: pages/x.html: ") == 1
+    assert printed.err.count("note: the page is no longer updated: pages/x.html: ") == 1
     (row,) = read_sheet(folder / "recordings.tsv", RECORDINGS)
     assert (row["file"], row["exclude"]) == ("captures/03_right_rom.arrows", "it shows no hand")
 

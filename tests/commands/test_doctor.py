@@ -40,5 +40,5 @@ def test_a_port_that_is_closed_to_this_user_is_named(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(os, "access", lambda *_: False)
     check = list(doctor.checks())[-1]
     assert not check.there
-    assert "not to be opened by this user: /dev/ttyUSB7" in check.state
+    assert "this user has no permission for /dev/ttyUSB7" in check.state
     assert "group" in check.remedy

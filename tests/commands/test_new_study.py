@@ -22,10 +22,10 @@ def test_a_new_study_reads_when_a_row_is_written(
     monkeypatch.setattr(style, "font_of", lambda _: Path("installed.ttf"))
     monkeypatch.chdir(tmp_path)
     assert new(["piano", "--language", language]) == 0
-    assert "next: write a row a recording into piano/recordings.tsv" in capsys.readouterr().out
+    assert "next: write a row for each recording into piano/recordings.tsv" in capsys.readouterr().out
     monkeypatch.chdir(tmp_path / "piano")
     assert check([]) == 2
-    assert "add a row a recording" in capsys.readouterr().err
+    assert "add a row for each" in capsys.readouterr().err
     with Path("recordings.tsv").open("a") as file:
         file.write(ROW)
     assert check([]) == 2

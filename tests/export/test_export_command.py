@@ -98,13 +98,13 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (["--formats", "bvh,fbx"], "'fbx' is no format; expected one or more of"),
+        (["--formats", "bvh,fbx"], "'fbx' is not a format; expected one or more of"),
         (["--hand", "left"], "has no left hand of '01'; it has right"),
         (["--recording", "rom"], "'rom' is not one recording of the right hand"),
         (["--model", "rigid"], "has no model 'rigid'; it has paper-fig4, whole-hand"),
         (["--frames", "5000:"], "no frame of the recording is in 5000:"),
         (["--rig", "maya"], "there is no rig 'maya'"),
-        (["--formats", "csv,bvh,bvh"], "--formats: bvh is there twice; name each once"),
+        (["--formats", "csv,bvh,bvh"], "--formats: bvh is there twice; name each format"),
         (["--plan", "none/plan.json"], "none/plan.json: no such file"),
     ],
 )

@@ -72,7 +72,7 @@ def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -
         replace(motion, quaternion=turn),
         motion.take(slice(0, 0)),
     ):
-        with pytest.raises(InputError, match="holds no frame without a pose and no file without a frame"):
+        with pytest.raises(InputError, match="needs at least one frame, and a pose in every frame"):
             write(bad, name, tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -83,8 +83,8 @@ def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -
     [
         (np.full(5, np.nan), "has no device time, and .* needs it; give its rate_hz"),
         ([0.0, 0.1, 0.2, np.nan, 0.3], "has no device time"),
-        ([0.0, 0.1, 0.2, 0.2, 0.3], "does not grow from frame 9 to the next"),
-        ([0.0, 0.1, 0.2, 0.15, 0.3], "does not grow from frame 9 to the next"),
+        ([0.0, 0.1, 0.2, 0.2, 0.3], "does not increase from frame 9 to the next"),
+        ([0.0, 0.1, 0.2, 0.15, 0.3], "does not increase from frame 9 to the next"),
     ],
 )
 def test_times_must_be_known_and_grow(name: str, times: list[float], message: str, tmp_path: Path) -> None:

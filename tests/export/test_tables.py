@@ -79,7 +79,7 @@ def test_every_table_is_there_number_for_number(tidy: Path) -> None:
 def test_what_is_no_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "other.parquet").write_bytes(b"")
     assert main(["--tables", str(tmp_path / "other.parquet"), "--out", str(tmp_path)]) == 2
-    assert "is none of the program's tables" in capsys.readouterr().err
+    assert "is not one of the program's tables" in capsys.readouterr().err
 
 
 @pytest.mark.tools

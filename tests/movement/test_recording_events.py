@@ -71,7 +71,7 @@ def test_midi_is_brought_over_by_events_of_the_sheet(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pulses", "rows", "message"),
     [
-        ("", [], "runs on a clock of its own; say which of its events the recording has as well"),
+        ("", [], "has its own clock; state which of its events the recording has as well"),
         ("note 25", [], "has no event named 'note 25'; it has note 24, note 60"),
         ("note 24", [], "the recording has no events named 'note 24' to bring them to"),
         ("note 24 = clap", sheet(1.0), "the recording has no events named 'clap'"),
@@ -177,7 +177,7 @@ def test_a_recording_alone(tmp_path: Path) -> None:
     [
         ((), "--plan, or --poses and --events: give the subject's plan"),
         (("--poses", "{poses}", "--events", "no.mid"), "no.mid: no such file; expected a standard MIDI file"),
-        (("--poses", "{poses}", "--events", "{midi}"), "runs on a clock of its own"),
+        (("--poses", "{poses}", "--events", "{midi}"), "has its own clock"),
     ],
 )
 def test_bad_input_is_one_sentence(

@@ -86,7 +86,7 @@ def test_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) 
     one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
     assert numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
     assert numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
-    assert numbers_texts(suspect)[1] == "There is no typical error, since no joint counts."
+    assert numbers_texts(suspect)[1] == "There is no typical error, since no joint is counted."
     assert used_text(suspect).startswith(
         "0 of 4 recordings used (4 left out of all statistics because of findings)"
     )

@@ -57,10 +57,10 @@ def poses(path: Path, task: str, hand: str = "right") -> Path:
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (("--in", "a.csv", "--out", "a.csv"), "--out: a.csv: is the file that is read, which would be lost"),
-        (("--in", "link.csv", "--out", "./a.csv"), "--out: a.csv: is the file that is read"),
-        (("--in", "a.csv", "b.csv", "--out", "b.csv"), "--out: b.csv: is the file that is read"),
-        (("--out", "c.csv", "--out-bones", "./x/../c.csv"), "--out-bones: x/../c.csv: is to hold another"),
+        (("--in", "a.csv", "--out", "a.csv"), "--out: a.csv: is also an input, which would be"),
+        (("--in", "link.csv", "--out", "./a.csv"), "--out: a.csv: is also an input"),
+        (("--in", "a.csv", "b.csv", "--out", "b.csv"), "--out: b.csv: is also an input"),
+        (("--out", "c.csv", "--out-bones", "./x/../c.csv"), "--out-bones: x/../c.csv: is also the file of"),
         (("--in", ".", "--out", "."), ""),
         (("--in", "a.csv", "--out", "c.csv", "--out-bones", "d.csv"), ""),
     ],
@@ -129,7 +129,7 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
     poses(recording, "rom", "left")
     with parts_writer(other, JOINT_CENTRES, Provenance.of([recording], plan.folder)):
         pass
-    with pytest.raises(TableError, match=r"joint_solutions\.parquet: was made from another right/rom/poses"):
+    with pytest.raises(TableError, match=r"joint_solutions\.parquet: was made from another version of"):
         subject_stage.provenance_of(plan, [other, table], [recording])
     with pytest.raises(TableError, match=r"joint_centres\.parquet: was not made from the same files as"):
         subject_stage.check_made_together(table, other)

@@ -81,7 +81,7 @@ PROBLEMS = [
     ("one-sided, left", "no recording calibrates this hand"),
     (f"{LONG}, right, rom", "troubled.tsv: row 18, columns subject, session, task, trial: have 3"),
     ("gone, right, rom", "troubled.tsv: row 19, column file: has a part of more than 255 bytes"),
-    ("", "corrections.tsv: row 3, column joint: 'index_pop' is no joint of layout liberty16"),
+    ("", "corrections.tsv: row 3, column joint: 'index_pop' is not a joint of layout liberty16"),
     ("", "corrections.tsv: row 4, column subject: the study has no left hand of 'nobody'"),
 ]
 FINDINGS = {

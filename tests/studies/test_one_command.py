@@ -29,8 +29,8 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     assert "1 subject, 1 recording, 1 model" in shukotsu(folder, "check").stdout
     early = shukotsu(folder, "report")
     assert (early.returncode, early.stdout) == (2, "")
-    assert "is not there yet; run `shukotsu run study.yaml` in this folder first" in early.stderr
-    assert "is not there yet" in shukotsu(folder, "export", "--formats", "csv", "--out", "out").stderr
+    assert "does not exist yet; run `shukotsu run study.yaml` in this folder first" in early.stderr
+    assert "does not exist yet" in shukotsu(folder, "export", "--formats", "csv", "--out", "out").stderr
 
     planned = shukotsu(folder, "run", "--dry-run")
     assert planned.returncode == 0
@@ -87,7 +87,7 @@ def test_a_run_that_is_ended_leaves_nothing_at_work(tmp_path: Path, after: str) 
 
 
 def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:
-    """A damaged table is named with its job and log; results that may not be written end it with 2."""
+    """A damaged table is named with its job and log; results that cannot be written end it with 2."""
     file = record(tmp_path / "rom.parquet")
     study = write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
     table = study.results.subject("01") / "joint_solutions.parquet"
@@ -114,4 +114,4 @@ def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:
     refused = shukotsu(tmp_path, "run", "--", target)
     table.parent.chmod(0o755)
     assert refused.returncode == 2
-    assert "results/study/sub-01: may not be written" in refused.stderr.splitlines()[-1]
+    assert "results/study/sub-01: cannot be written" in refused.stderr.splitlines()[-1]

@@ -350,7 +350,7 @@ def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> N
     notes.write_text("the user's own")
     text = copy.run()
     assert "changed since the last run: " in text
-    assert "removed results of what the study has no longer: dataset, tidy, sub-all" in text
+    assert "removed results that no longer belong to the study: dataset, tidy, sub-all" in text
     assert [path for path in notes.parent.rglob("*") if path.is_file()] == [notes]
     notes.unlink()
     after = hashes(results)
@@ -379,7 +379,7 @@ def test_what_no_run_left_so_is_made_anew(copy: StudyRun) -> None:
     remade = {"check_recordings", "estimate_metacarpals", "evaluate_tips", "gather", "report"}
     assert remade <= rules(copy.planned())
     assert copy.planned("results/open/sub-02/right/rom/poses.parquet") == set(), "and no other target"
-    assert "note: not as a run left them, and made anew: " in copy.run()
+    assert "note: results changed after their run, now made again: " in copy.run()
     assert hashes(results) == before
     assert copy.planned() == set()
     (results / "logs" / "made_from.json").unlink()

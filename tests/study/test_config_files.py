@@ -45,7 +45,7 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
         ("metacarpals: {rest_direction: [1, -.inf, 0]}", r"rest_direction\.1: is -inf; expected a finite"),
         ("metacarpals: {rest_direction: [1, 0]}", r"metacarpals\.rest_direction: has 2; expected at least 3"),
         ("planes:", "planes: is empty; expected a group, lines of `key: value`$"),
-        ("own_cmc: [a, a]", r'own_cmc: is \["a", "a"\], which names one thing twice$'),
+        ("own_cmc: [a, a]", r'own_cmc: is \["a", "a"\], which has an entry twice$'),
         ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
         ("joints: {solver: closed, solver: closed}", "the key 'solver' is given twice"),
         ("? [a, b]\n: 1", r"not valid YAML: \['a', 'b'\] cannot be a key"),

@@ -34,14 +34,14 @@ def test_smaller_layouts_are_the_hand_with_fewer_receivers() -> None:
     tips = {"hand", *(digit.tip for digit in hand.digits.values())}
     for name, worn in (("tips-and-hand", tips), ("two-hands-7", tips | {"thumb_metacarpal"})):
         layout = read_layout(name)
-        assert layout.is_as(hand)
-        assert hand.is_as(layout)
+        assert layout.matches(hand)
+        assert hand.matches(layout)
         assert set(layout.expected) == worn
         assert {layout.segments[s].receiver for s in worn} == set(range(1, len(worn) + 1))
     both = read_layout("two-hands-7")
     assert both.of_hand("right") == both
     assert {both.of_hand("left").segments[s].receiver for s in both.expected} == set(range(8, 15))
-    assert not read_layout("arm").is_as(hand)
+    assert not read_layout("arm").matches(hand)
 
 
 def test_liberty16_has_the_joints_and_digits_of_a_hand() -> None:

@@ -71,7 +71,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(config: dict[str, A
         (put(WIDE, "receivers.hand.orientation", ["a"]),
          "receivers.hand.orientation: has 1; expected at least 3: csv with one row a frame"),
         (put(C3D, "receivers.Right-Hand", {}),
-         "receivers: 'Right-Hand' is no segment's name; names are lower case letters, digits and "
+         "receivers: 'Right-Hand' is not a valid segment name; names are lower case letters, digits and "
          "underscores; did you mean 'right_hand'?"),
         (put(WIDE, "position_axes", ["x", "-x", "z"]),
          "position_axes: is x, -x, z; expected each of x, y and z once"),
@@ -79,10 +79,10 @@ def test_defaults_are_filled_in_and_units_become_millimetres(config: dict[str, A
          "position_axes: a C3D file has positions and rotations in one frame; leave it out"),
         (put(WIDE, "position_unit", None), "the key 'position_unit' is missing"),
         (put(WIDE, "orientation", None),
-         "the key 'orientation' is missing: a receiver has positions and turns"),
+         "the key 'orientation' is missing: state how the file represents"),
         (put(WIDE, "orientation.order", None), "orientation: quaternion needs the key 'order'"),
         (put(WIDE, "orientation.axes", "ZYX"), "orientation.axes: does not belong to quaternion"),
-        (put(LONG, "orientation.axes", "ZZX"), "orientation.axes: ZZX turns twice in a row about one axis"),
+        (put(LONG, "orientation.axes", "ZZX"), "orientation.axes: ZZX rotates twice in a row about"),
         (put(WIDE, "receivers.hand.position", None), "receivers.hand: the key 'position' is missing"),
         (put(WIDE, "receivers.hand.orientation", ["a", "b", "c"]),
          "receivers.hand.orientation: has 3 columns; quaternion means 4"),

@@ -33,7 +33,7 @@ def test_each_table_of_the_paper_has_its_model() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("model: yours\ndescription: d", "model: is 'yours'; expected the file's own name, 'mine'"),
+        ("model: yours\ndescription: d", "model: is 'yours'; expected the name of the file, 'mine'"),
         ("model: mine\ndescription: d\nmetacarpals: {rest_direction: [0, 0, 0]}",
          "metacarpals.rest_direction: has no length"),
         ("model: mine", "the key 'description' is missing"),

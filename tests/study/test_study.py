@@ -82,7 +82,7 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
 @pytest.mark.parametrize(
     ("rows", "more", "message"),
     [
-        ((), "", "recordings.tsv: has no recording; add a row a recording"),
+        ((), "", "recordings.tsv: has no recording; add a row for each"),
         (("01 right a both a.csv", "01 right A both b.csv"), "",
          "row 3: its results would have the path of row 2; rename"),
         (("01 right a_b both a.csv", "01 right a both b.csv b"), "",
@@ -92,7 +92,7 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
         (("01 right a both a.csv - arn",), "", "layout 'arn' is neither .*did you mean 'arm'"),
         (("01 right a both a.csv",), "participants: no.tsv\n", "no.tsv: no such file; expected the sheet of"),
         (("01 right a both a.csv",), "exports: [bvh]\nexport_settings: {models: [whole-hand]}\n",
-         r"export_settings.models: 'whole-hand' is no model of the study; expec"),
+         r"export_settings.models: 'whole-hand' is not a model of the study; expec"),
         (("01 right a both a.csv",), "particpants: no.tsv\n", "unknown key 'particpants'.*'participants'"),
     ],
 )  # fmt: skip
@@ -111,9 +111,9 @@ def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) 
     rows_named = [problem.split(", column ")[0] for problem in problems]
     assert rows_named == [f"corrections.tsv: row {row}" for row in (3, 4, 5, 6)]
     assert "column subject: the study has no left hand of '01'" in problems[0]
-    assert "'thumb_pi' is no joint of layout liberty16; did you mean 'thumb_ip'?" in problems[1]
+    assert "'thumb_pi' is not a joint of layout liberty16; did you mean 'thumb_ip'?" in problems[1]
     assert "expected one of wrist, thumb_cmc, " in problems[2]
-    assert "'index_cmc' is no joint of layout" in problems[3]
+    assert "'index_cmc' is not a joint of layout" in problems[3]
     assert all(problem.endswith("the row was not applied") for problem in problems)
 
 
@@ -152,7 +152,7 @@ def test_sessions_are_kept_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("01 right scale 1", "row 2: 01, right, scale names several recordings; say which in the columns"),
+        ("01 right scale 1", "row 2: 01, right, scale names several recordings; state which in the"),
         ("01 left scale 1", "row 2: 01, left, scale names no recording of the recordings sheet"),
         ("01 right scale x", "row 2, column onset_s: is 'x'; expected a number"),
     ],
@@ -196,8 +196,8 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
 @pytest.mark.parametrize(
     ("factors", "column", "message"),
     [
-        ("condition, gruop", "group", "'gruop' is no column of the sheets.*did you mean 'group'?"),
-        ("condition, role", "group", "'role' tells no levels apart; expected one of session, hand"),
+        ("condition, gruop", "group", "'gruop' is not a column of the sheets.*did you mean 'group'?"),
+        ("condition, role", "group", "'role' cannot be a factor; expected one of session, hand"),
         ("condition", "condition", "'condition' is a column of both sheets"),
     ],
 )

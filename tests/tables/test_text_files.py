@@ -74,18 +74,18 @@ REST = "recordings: r.tsv\nlayout: arm\nmodels: [rigid]\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (bomb(10), r"not valid YAML: stands for more than 100000 values \(line 6, column 5\)"),
-        ("a: &a [*a]", "stands for more than 100000 values"),
+        (bomb(10), r"not valid YAML: expands to more than 100000 values \(line 6, column 5\)"),
+        ("a: &a [*a]", "expands to more than 100000 values"),
         ("study: " + "[" * 200_000, r"nested deeper than 40 \(line 1, column 47\)"),
         ("study: " + "[" * 300 + "]" * 300, "nested deeper than 40"),
         ("- " * 400, "nested deeper than 40"),
         ("study: " + "1" * 100_000, "not valid YAML: "),
         ("study: 0x" + "1" * 100_000, "study: is a number of more than 18 digits"),
         (REST + "study: " + "1:" * 5_000 + "1", "study: has 10001 letters"),
-        ("study: a\n\trecordings: b", r"a tab .*\(line 2, column 1\); indent with blanks"),
-        ('study: "a\\0b"', "study: holds a control character"),
+        ("study: a\n\trecordings: b", r"a tab .*\(line 2, column 1\); indent with spaces"),
+        ('study: "a\\0b"', "study: contains a control character"),
         (REST + "study: " + "a" * 5_000, "study: has 5000 letters; expected at most 100"),
-        ("x" * 1_900_000, "holds a text, no keys; expected a study file"),
+        ("x" * 1_900_000, "contains a text instead of keys; expected a study file"),
         ("x" * 2_100_000, "has 2100000 bytes; expected a study file, at most 2000000 bytes"),
     ],
 )
@@ -103,7 +103,7 @@ def test_a_small_configuration_that_unfolds_to_too_much_is_refused(
     ("keys", "subject", "file", "message"),
     [
         ("", "s" * 140_000, "a.csv", "row 2, columns subject, session, task, trial: have 140006 bytes"),
-        ("", "s", "f" * 5_000, "row 2, column file: has a part of more than 255 bytes, which no file's"),
+        ("", "s", "f" * 5_000, "row 2, column file: has a part of more than 255 bytes, which is too long"),
         (f"participants: {'p' * 5_000}\n", "s", "a.csv", r"cannot be read \(File name too long\)"),
     ],
 )

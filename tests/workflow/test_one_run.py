@@ -103,8 +103,8 @@ def test_the_reason_replaces_snakemakes_report_of_the_failed_command(
 def test_unwritable_outputs_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "made").touch()
     one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])
-    with pytest.raises(InputError, match=r"made: is no folder, and results go into a folder there"):
+    with pytest.raises(InputError, match=r"made: is not a folder, but results go into a folder there"):
         one_run.refuse_unwritable([tmp_path / "made" / "new" / "file"])
     monkeypatch.setattr(os, "access", lambda path, _: path != tmp_path / "made")
-    with pytest.raises(InputError, match=r"made: may not be written \(by its rights"):
+    with pytest.raises(InputError, match=r"made: cannot be written \(no permission"):
         one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])

@@ -171,7 +171,7 @@ def test_exports_that_are_no_longer_asked_for_go(folder: Path) -> None:
     made = [Path("results/test", top, name) for top in ("exports", "dataset", "tidy") for name in names]
     for path in made:
         write_text(path, "")
-    said = "removed results of what the study has no longer: "
+    said = "removed results that no longer belong to the study: "
     assert files(folder, more="exports: [csv]\n").remove_former() == f"{said}dataset"
     assert files(folder).remove_former() == f"{said}exports, tidy"
     assert {path for path in made if path.exists()} == {path for path in made if path.name == "notes.txt"}
@@ -188,7 +188,7 @@ def test_a_run_or_a_module_is_of_one_study_as_its_file_or_its_keys_say(folder: P
     assert (written, yaml.safe_load(written.read_text())) == (Path("test.module.yaml"), other)
     for files_named, keys, is_module, message in (
         ([path, path], config, False, "--configfile: names several files"),
-        ([path], config | {"layout": "arm"}, False, r"--config: .*; write it into .*study/study\.yaml"),
+        ([path], config | {"layout": "arm"}, False, r"--config: .*; write them into .*study/study\.yaml"),
         ([], {}, True, r"^config: .*study"),
     ):
         with pytest.raises(InputError, match=message):
@@ -196,7 +196,7 @@ def test_a_run_or_a_module_is_of_one_study_as_its_file_or_its_keys_say(folder: P
 
 
 def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"^odd <b>/study.yaml: its path holds .* which Snakemake reads as"):
+    with pytest.raises(InputError, match=r"^odd <b>/study.yaml: its path contains .* which mean something"):
         StudyFiles(write_study(folder / "odd <b>", *ROWS))
 
 

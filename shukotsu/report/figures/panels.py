@@ -1,8 +1,7 @@
-"""Panels, each a function that draws into axes: alone as SVG in a page, or in a grid for print.
+"""Panels, which are drawn alone as SVG in a page or in a grid for print, and figures with captions.
 
-Most are named rows of dots over one horizontal scale; one is a hand in one frame, from its back and from its
-thumb's side, as the tables have it. Then figures with their captions, and how they become files: the same
-figure, the same bytes.
+Most panels are named rows of dots over a common horizontal scale; one shows a hand in a single frame from its
+back and from its thumb's side. Equal figures give files with equal bytes.
 """
 
 from __future__ import annotations
@@ -52,23 +51,24 @@ from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import ENGLISH, language, listed, ngettext, punctuated, tr, translated, word
 
 PAGE_MM = 84.0
-"""Width of a picture for a page, which scales it."""
+"""Width of a picture for a page, before the page scales it."""
 ROW_MM, FOOT_MM = 3.6, 9.0
-"""Heights of a row, and of the words below the axes."""
+"""Heights of a row, and of the text below the axes."""
 FEWEST_FOR_QUARTILES = 4
 LINE_MM, ROW_LETTERS = 3.2, int(42.0 / width_mm("m"))
-"""Height of a line of a row's name, and how many letters it has at most."""
+"""Height of a line of a row's name, and its largest number of letters."""
 _LEGEND_LINE_MM, _KEY_MM, _GAP_MM, _PAD_MM = 4.2, 9.0, 2.0, 1.6
 _SCATTER, _GOLDEN = 0.6, (5**0.5 - 1) / 2
 _GROSS, _DECADES, _ROUNDING, _MARGIN = 8.0, 4.0, 1e-6, 0.06
-"""How many times the usual number the largest is where an even scale would squeeze the others; powers of ten
-on a logarithmic scale; errors of rounding, mm or degrees; share of a scale kept free at either end.
+"""Ratio of the largest number to the median above which a scale is logarithmic; powers of ten on a
+logarithmic scale; numbers that are zero up to rounding, mm or degrees; share of a scale kept free at each
+end.
 """
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel: heading, title for who cannot see it, heights of axes and words below, what draws it."""
+    """A panel: heading, title for screen readers, heights of axes and text below, and drawing function."""
 
     heading: str
     title: str
@@ -78,14 +78,14 @@ class Panel:
 
 
 def in_rows(panels: Sequence[Panel], across: int) -> list[Sequence[Panel]]:
-    """Return the panels in rows of `across`."""
+    """Split the panels into rows of `across`."""
     return [panels[start : start + across] for start in range(0, len(panels), across)]
 
 
 def print_figure(
     rows: Sequence[Sequence[Panel]], handles: Sequence[Artist] = (), figure_mm: float = TWO_COLUMNS_MM
 ) -> Figure:
-    """Return rows of panels, each with its letter and heading, below a legend."""
+    """Return a figure of rows of panels, each with a letter and a heading, below a legend."""
     across, names = max(map(len, rows)), iter(panel_names(sum(map(len, rows))))
     widest = max((width_mm(str(handle.get_label())) for handle in handles), default=0.0) + _KEY_MM
     columns = max(1, min(len(handles), int(figure_mm / widest)))
@@ -115,7 +115,7 @@ def print_figure(
 
 
 def page_figure(panel: Panel) -> Figure:
-    """Return one panel for a page, without its heading, which the page has."""
+    """Return a figure of one panel for a page, without the heading, which the page itself shows."""
     figure = _blank(PAGE_MM, panel.height_mm + panel.foot_mm)
     figure.patch.set_visible(False)
     panel.draw(figure.add_subplot())
@@ -128,10 +128,13 @@ def _blank(width_mm: float, height_mm: float) -> Figure:
 
 
 def lay_out(figure: Figure, writable: Callable[[str], str]) -> None:
-    """Change every text to what its medium can hold, then lay the figure out, once for all files."""
+    """Replace characters that cannot be written, then compute the layout once for all files.
+
+    writable : function that returns a text with such characters replaced.
+    """
     rewrite(figure, writable)
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if not axis.get_label_text():  # else every tick's label is measured to find a place for it
+        if not axis.get_label_text():  # avoids measuring all tick labels to place an empty label
             axis.set_label_coords(0.0, 0.0)
     engine = figure.get_layout_engine()
     assert engine is not None
@@ -140,7 +143,7 @@ def lay_out(figure: Figure, writable: Callable[[str], str]) -> None:
 
 
 def panel_names(n: int) -> list[str]:
-    """Return the names of n panels: a to z, then aa and on; one alone has no name."""
+    """Return the names of n panels: a to z, then aa and so on; a single panel has no name."""
     names = [*ascii_lowercase, *(a + b for a in ascii_lowercase for b in ascii_lowercase)]
     return names[:n] if n > 1 else [""]
 
@@ -148,35 +151,35 @@ def panel_names(n: int) -> list[str]:
 _LEFT_OUT = re.compile(
     r'<style.*?</style>| id="(?:[A-Za-z.]+(?:2d)?_|dots)\d+"|font-family: [^;"]*; |\n *', re.DOTALL
 )
-"""A style of the whole page, identifiers that other pictures have too, fonts, and indentation."""
+"""Parts of an SVG to remove: global styles, identifiers that other pictures share, fonts and indentation."""
 _ROOT = re.compile(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>(.*)</svg>', re.DOTALL)
 _COLOUR, _DECIMALS = re.compile(r"#[0-9a-f]{6}\b"), re.compile(r"(\.\d\d)\d+")
 _UNDRAWN: list[str] = []
 
 
 def taken_failures() -> list[str]:
-    """Return why pictures could not be drawn since this was last asked."""
+    """Return the messages about pictures that could not be drawn since the last call."""
     messages = [*_UNDRAWN]
     _UNDRAWN.clear()
     return messages
 
 
 def page_picture(panel: Panel) -> Markup:
-    """Return the panel as an SVG element in the page's theme, or the sentence why there is none.
+    """Return the panel as an SVG element in the page's theme, or a sentence that states why it failed.
 
-    Every light value of the palette becomes the custom property of its hue. The same panel gives the same.
+    Every light value of the palette becomes the custom property of its hue. Equal panels give equal text.
     """
     written = io.BytesIO()
     try:
         with apply_style({"svg.hashsalt": panel.title}), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
+            warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has one
             figure = page_figure(panel)
             lay_out(figure, without_controls)
             metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
             figure.savefig(written, format="svg", metadata=metadata)
     except MemoryError:
         raise
-    except Exception as error:  # a picture must not cost a study its page
+    except Exception as error:  # a page must not be lost to one picture
         traceback.print_exc()
         text = on_one_line(f"{panel.title}: {type(error).__name__}: {error}")
         message = f"{INTERNAL} report ({text}); please report it with the log"
@@ -189,7 +192,7 @@ def page_picture(panel: Panel) -> Markup:
 
 
 def page_pictures(panels: Iterable[Panel]) -> list[tuple[str, Markup]]:
-    """Return the headings and pictures of panels that stand side by side on a page."""
+    """Return the headings and pictures of panels that are side by side on a page."""
     return [(panel.heading, page_picture(panel)) for panel in panels]
 
 
@@ -203,7 +206,7 @@ class Scale:
 
 
 def value_scale(values: npt.ArrayLike) -> Scale:
-    """Return a scale for values none below 0: from 0, or logarithmic where the largest dwarfs the usual."""
+    """Return a scale for non-negative values, logarithmic if the largest exceeds _GROSS medians."""
     sizes = np.asarray(values, float)
     sizes = np.where(sizes < _ROUNDING, 0.0, sizes)[np.isfinite(sizes)]
     highest, usual = float(sizes.max(initial=0.0)), float(np.median(sizes)) if len(sizes) else 0.0
@@ -215,9 +218,9 @@ def value_scale(values: npt.ArrayLike) -> Scale:
 
 @dataclass(frozen=True)
 class PanelRow:
-    """A named row: numbers by subject or hand, and the mean of differences with its interval.
+    """A named row: numbers by subject or hand, with a mean and its interval.
 
-    Without a mean the median and quartiles are marked.
+    Without a mean, the median and quartiles are marked.
     """
 
     name: str
@@ -227,17 +230,18 @@ class PanelRow:
     interval: tuple[float, float] | None = None
 
     def values(self) -> list[float]:
-        """Everything of the row that its scale must hold."""
+        """All values of the row that its scale must include."""
         return [*self.numbers.values(), *([] if self.mean is None else [self.mean]), *(self.interval or ())]
 
 
 def draw_rows(
     axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int = 0, decimals: int = 1
 ) -> None:
-    """Draw named rows, the first on top: a dot a number, each name's as far aside in every row.
+    """Draw named rows, the first on top, with a dot for each number.
 
-    of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
-    mean or median. decimals : of these, the same in every row, as tables have them.
+    The dots of a subject or hand have the same vertical offset in every row. of_all : the number of dots in a
+    complete row; rows with fewer state their number. If it is 0, means and medians are not written. decimals
+    : number of decimals of means and medians.
     """
     row_axes(axes, [word(row.name) for row in rows], axis, scale, top=bool(of_all))
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
@@ -249,7 +253,7 @@ def draw_rows(
         if middle is None and len(values):
             low, middle, high = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
             bar, colour = ((low, high) if len(values) >= FEWEST_FOR_QUARTILES else None), row.look.colour
-        if len(values):  # far below the foot of a logarithmic scale matplotlib leaves dots out
+        if len(values):  # matplotlib omits dots far below a logarithmic scale
             x = np.maximum(values, scale.low) if scale.kind == "log" else values
             axes.plot(
                 x, [y + aside_of[name] for name in row.numbers], "o", color=row.look.colour, markersize=size,
@@ -274,13 +278,13 @@ def draw_rows(
 
 
 def _write_aside(axes: Axes, y: int, words: str, colour: str) -> None:
-    """Write right of the axes, in line with a row."""
+    """Write text to the right of the axes, in line with a row."""
     across = axes.get_yaxis_transform()
     axes.text(1.03, y, words, va="center_baseline", fontsize=SMALL_PT, color=colour, transform=across)
 
 
 def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: bool = False) -> None:
-    """Name rows from the top, with one free above if `top`, over a horizontal axis with a grid."""
+    """Label rows from the top, below a free row if `top`, over a horizontal axis with a grid."""
     axes.set_ylim(len(names) - 0.5, -1.5 if top else -0.5)
     axes.set_yticks(range(len(names)))
     lines = [name.split("\n") for name in names]
@@ -298,7 +302,7 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
 
 
 def locator(scale: Scale) -> Locator:
-    """Return the locator that puts ticks at round numbers of the scale."""
+    """Return a locator that puts ticks at round numbers of the scale."""
     if scale.kind == "linear":
         return MaxNLocator(6, steps=[1, 2, 5, 10])
     span = scale.high / scale.low
@@ -307,25 +311,25 @@ def locator(scale: Scale) -> Locator:
 
 
 PLAIN = FuncFormatter(lambda value, _: f"{round(value, 9) + 0.0:g}".replace("-", "−"))
-"""A number without trailing zeros, with a true minus sign."""
+"""Format of a number without trailing zeros, with a typographic minus sign."""
 
 
 def scatter_steps(n: int) -> Array:
-    """Return steps aside (n,) within a row, even about its middle and the same every time."""
+    """Return n reproducible vertical offsets of dots within a row, evenly spread about its middle."""
     steps = (np.arange(n) * _GOLDEN) % 1.0
     return np.asarray((steps - steps.mean()) * _SCATTER) if n else np.zeros(0)
 
 
 _GUTTER_MM, _BAR_MM, _ROUND_MM, _NEAR_MM = 14.0, 20.0, 10.0, 45.0
-"""Lengths in mm: between the views, the scale's bar, round the hand, and from the box round the receivers to
-a joint: one that is farther is a gross failure, which must not shrink the rest.
+"""Lengths, mm: gap between the views, scale bar, margin of the hand, and largest distance of a displayed
+joint from the box around the receivers. A joint that is farther away is a gross failure, which is not drawn.
 """
 _HIGHEST_MM, _FOOT_MM = 92.0, 10.0
-"""Sizes of the picture in mm: the views at most, words below them."""
+"""Sizes in the picture, mm: largest height of the views, and height of the text below them."""
 
 
 def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Panel:
-    """Return the panel of the hand under a skeleton in the frame of that index."""
+    """Return the panel of the hand under a skeleton in the frame with index `frame`."""
     joints = view_points(motion, np.array([frame]), skeleton.position_mm[frame : frame + 1])[0]
     receivers = view_points(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
     receivers = np.asarray(receivers[np.isfinite(receivers).all(-1)])
@@ -335,11 +339,11 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
     low, high = everything.min(axis=0) - _ROUND_MM, everything.max(axis=0) + _ROUND_MM
     wide, tall, deep = (high - low).tolist()
     scale = min((PAGE_MM - 4.0) / (wide + _GUTTER_MM + deep), _HIGHEST_MM / tall)
-    side = -1.0 if motion.hand == "left" else 1.0  # the back of a left hand is to the left: never mirrored
+    side = -1.0 if motion.hand == "left" else 1.0  # a left hand's back faces left; no hand is mirrored
     start = wide + _GUTTER_MM + (deep if side < 0 else 0.0)
 
     def flat(position_mm: Array) -> tuple[Array, Array]:
-        """Return points (n, 2) of the picture, mm, of positions (n, 3), in either view."""
+        """Return the points (n, 2), in mm of the picture, of positions (n, 3) in both views."""
         across, up, towards = (position_mm - low).T
         return np.column_stack([across, up]) * scale, np.column_stack([start + side * towards, up]) * scale
 
@@ -362,8 +366,8 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
 class _HandViews:
     """Two views of a hand, from its back and its side, in mm of the picture.
 
-    joints, receivers : positions (n, 2) in either. middles : where either is named. scale : mm a mm of the
-    hand. lines : words below.
+    joints, receivers : positions (n, 2) in each view. middles : horizontal positions of the views' names.
+    size : width and height. scale : mm in the picture per mm of the hand. lines : text below.
     """
 
     joints: tuple[Array, Array]
@@ -375,13 +379,13 @@ class _HandViews:
 
 
 def _draw_hand(axes: Axes, motion: HandMotion, skeleton: ShownSkeleton, views: _HandViews) -> None:
-    """Draw bones in the colour of their digit, joints by verdict, receivers, names of digits and a scale."""
+    """Draw bones in the colours of digits, joints by verdict, receivers, names of digits and a scale bar."""
     size, lines, scale = views.size, views.lines, views.scale
     looks = [look.colour for look in digit_looks(motion.digits).values()]
     axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
     digit_of = {bone.end: bone.digit for bone in skeleton.bones}
-    of_line: dict[tuple[float, str], list[BoneLine]] = {}  # what looks the same is drawn together
+    of_line: dict[tuple[float, str], list[BoneLine]] = {}  # bones that look alike are drawn together
     for bone in skeleton.bones:
         of_line.setdefault((2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT), []).append(bone)
     of_mark: dict[tuple[PlotMark, float], list[int]] = {}
@@ -425,12 +429,12 @@ def _draw_hand(axes: Axes, motion: HandMotion, skeleton: ShownSkeleton, views: _
 
 
 class NoDataError(Exception):
-    """Why a figure cannot be drawn, in a sentence without a full stop."""
+    """Raised with the reason why a figure cannot be drawn, as a sentence without a full stop."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure, its name in paths and its caption; `missing` says why it shows nothing but a sentence."""
+    """A figure with its name in paths and its caption; missing : why it shows only a sentence, or empty."""
 
     name: str
     figure: Figure
@@ -439,7 +443,7 @@ class Drawing:
 
 
 def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
-    """Draw a figure in the house's style, or one that says why it cannot be drawn."""
+    """Draw a figure in the common style, or a figure that states why it cannot be drawn."""
     try:
         with apply_style():
             figure, caption = draw()
@@ -448,7 +452,7 @@ def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
         return not_drawn(name, str(error))
     except MemoryError:
         raise
-    except Exception as error:  # a figure must not cost a study the others
+    except Exception as error:  # other figures must not be lost to this one
         traceback.print_exc()
         return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
     versions = tr(
@@ -461,7 +465,7 @@ def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
 
 
 def not_drawn(name: str, reason: str) -> Drawing:
-    """Draw a figure that says why there is none."""
+    """Draw a figure that states why the figure `name` could not be drawn."""
     sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
     with apply_style():
         lines = wrap_text(sentence, 52)
@@ -471,9 +475,9 @@ def not_drawn(name: str, reason: str) -> Drawing:
 
 
 def save(folder: Path, drawing: Drawing) -> None:
-    """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot.
+    """Write NAME.svg, NAME.pdf and NAME.txt, each atomically. Raises InputError if that is impossible.
 
-    Drawn in memory first, for matplotlib says more than one sentence of a disk that is full.
+    Figures are drawn in memory first, so that a full disk is not reported by matplotlib.
     """
     for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
         written = io.BytesIO()
@@ -485,7 +489,7 @@ def save(folder: Path, drawing: Drawing) -> None:
 
 
 def study_text(results: StudyResults) -> str:
-    """Return which study it is, how many subjects and hands it has, and whether its recordings are real."""
+    """Return a sentence with the study's name, numbers of subjects and hands, and whether it is simulated."""
     return tr(
         "Study {name}: {kind}{subjects}, {hands}{each}.",
         name=results.name,
@@ -497,6 +501,6 @@ def study_text(results: StudyResults) -> str:
 
 
 def count_range(counts: Iterable[int]) -> str:
-    """Return the numbers of subjects or hands behind several marks: a number, or from which to which."""
+    """Return the numbers of subjects or hands behind several marks as one number or a range."""
     low, high = min(counts := list(counts)), max(counts)
     return f"{low}" if low == high else f"{low}–{high}"

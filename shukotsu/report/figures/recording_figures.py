@@ -1,7 +1,7 @@
-"""A recording's figures: its tip errors and joint angles over time, and over the cycle.
+"""A recording's figures: tip errors and joint angles over time, and joint angles over the cycle.
 
-Curves over the cycle are drawn as movement scientists do: a panel a joint, the mean with one standard
-deviation to either side as shade; of a recording over its cycles, a line an angle.
+Curves over the cycle follow the convention of movement science: a panel for each joint, with a line for the
+mean and a shade of one standard deviation to each side. For a recording, there is one line per angle.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ from shukotsu.tables.subjects import path_token
 from shukotsu.translation import N_, tr, word
 
 _STRIP_MM, _ANGLE_MM, _CURVE_MM, _MARKS = 20.0, 18.0, 28.0, 8
-"""Heights, and about how many marks tell a line apart from others; they are no samples."""
+"""Heights, and the approximate number of markers on a line, which distinguish lines and are not samples."""
 _GAP_STEPS = 1.9
-"""A step between valid samples longer than this multiple of the median is a gap; a missing frame makes 2."""
+"""A step between valid samples above this multiple of the median is a gap; one missing frame gives 2."""
 
 
 class CurveLook(NamedTuple):
-    """Name of a line, its colour, and its dashes."""
+    """Label, colour and dash style of a line."""
 
     label: str
     colour: str
@@ -75,7 +75,7 @@ def angle_looks() -> dict[str, CurveLook]:
 
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
-    """Draw a recording's figures: tip-error; joint-angles and cycle-curves of every fitted model."""
+    """Draw a recording's figures: tip-error, and joint-angles and cycle-curves under every fitted model."""
     yield draw_figure("tip-error", partial(tip_error, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
@@ -90,9 +90,9 @@ def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawin
 
 
 def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
-    """Return the recording of that subject and hand whose task (with `_` and the trial) is `name`.
+    """Return the recording of a subject and hand; name : the task, followed by `_` and the trial if any.
 
-    Raises InputError that says which there are.
+    Raises InputError with a list of the recordings if there is no match.
     """
     of_hand = [
         recording
@@ -111,13 +111,13 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
 
 
 def recording_text(recording: Recording) -> str:
-    """Format the recording in words: hand, task and trial."""
+    """Return a recording's hand, task and trial in words."""
     trial = tr(", trial {trial}", trial=recording.trial) if recording.trial else ""
     return tr("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial)
 
 
 class Trace(NamedTuple):
-    """Numbers over time as print can show them: x, smallest and largest (C,) of each column, NaN in gaps."""
+    """A series over time, thinned to C columns: x, and smallest and largest value (C,), NaN in gaps."""
 
     x: Array
     low: Array
@@ -125,7 +125,7 @@ class Trace(NamedTuple):
 
 
 def thin(x: Array, values: Array, columns: int) -> Trace | None:
-    """Thin numbers (T,), NaN in gaps, to the given number of columns of x; None where all are NaN."""
+    """Thin values (T,), NaN in gaps, to the given number of columns of x; return None if all are NaN."""
     valid = np.isfinite(values)
     if not valid.any():
         return None
@@ -140,7 +140,7 @@ def thin(x: Array, values: Array, columns: int) -> Trace | None:
 
 
 def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
-    """Return times of frames in s, or their numbers where there are no device times, and the axis label."""
+    """Return the frames' times, s, or their numbers if there are no device times, and the axis label."""
     base = view_base(results.layouts[recording.hand])
     blocks = [(poses.frame, poses.time_s) for poses in pose_blocks(results.poses(recording), [base])]
     frame, time_s = map(np.concatenate, zip(*blocks, strict=True))
@@ -150,12 +150,12 @@ def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
 
 
 def _columns_for(n_lines: int) -> int:
-    """Return the number of columns for each of n_lines lines that keeps the file small."""
+    """Return the number of columns of each of n_lines lines that keeps the file small."""
     return max(90, min(420, 5500 // max(1, n_lines)))
 
 
 def _time_axes(axes: Axes, x: Array, time_words: str) -> None:
-    """Put the recording's span on the horizontal axis, with numbers if it has words."""
+    """Set the horizontal axis to the recording's span; numbers are shown only if it has a label."""
     pad = 0.01 * (x[-1] - x[0]) or 1.0
     axes.set(xlim=(x[0] - pad, x[-1] + pad), xlabel=time_words)
     axes.xaxis.set_major_formatter(PLAIN)
@@ -166,7 +166,7 @@ def _time_axes(axes: Axes, x: Array, time_words: str) -> None:
 
 
 def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
-    """Draw a strip a digit. Raises NoDataError where no model replayed the recording."""
+    """Draw the tip errors, a strip for each digit. Raises NoDataError if no model replayed the recording."""
     digits, traces = list(results.layouts[recording.hand].digits), {}
     x, time_words = _times(results, recording)
     for model in results.models:
@@ -181,7 +181,7 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     looks = model_looks(list(results.models))
 
     def draw(axes: Axes, digit: str) -> None:
-        """Draw a line a model at the largest errors of each column, a shade down to the smallest."""
+        """Draw, for each model, a line at the largest error in each column, shaded down to the smallest."""
         axes.set(yscale=scale.kind, ylim=(scale.low, scale.high), ylabel=tr("Tip error [mm]"))
         axes.yaxis.set_major_locator(locator(scale))
         _time_axes(axes, x, time_words if digit == digits[-1] else "")
@@ -228,7 +228,7 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
 
 
 def joint_angles(results: StudyResults, recording: Recording, model: str) -> tuple[Figure, str]:
-    """Draw a panel a joint, digits in rows. Raises NoDataError where the hand was not posed."""
+    """Draw joint angles over time, a panel for each joint. Raises NoDataError if the hand was not posed."""
     x, time_words = _times(results, recording)
     try:
         read = read_angles(results, recording, model)
@@ -276,7 +276,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
 
 
 _WithError = tuple[Trace, Trace | None, Trace | None]
-"""An angle, the angle minus and plus its stated 1-sigma error; None where no error is stated."""
+"""An angle, the angle minus its 1-sigma error, and plus it; the last two are None if no error is stated."""
 
 
 def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[_WithError]]:
@@ -295,16 +295,16 @@ def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str
 
 
 def legend_handles(looks: Iterable[CurveLook]) -> list[Line2D]:
-    """Return what a legend shows."""
+    """Return the handles of a legend."""
     return [Line2D([], [], color=c, linestyle=cast(Any, style), label=name) for name, c, style in looks]
 
 
 def curve_panels(
     title: str, joints: Mapping[str, Mapping[str, Curve]], looks: Mapping[str, CurveLook]
 ) -> dict[str, Panel]:
-    """Return a panel a joint, all to one scale; its heading says of how many cycles or subjects it is.
+    """Return a panel for each joint, with a common scale; headings state the number of cycles or subjects.
 
-    joints : by joint, curves by the names of `looks`.
+    joints : curves by joint and then by the names in `looks`.
     """
     ends = [
         curve.mean_deg + side * np.nan_to_num(curve.sd_deg)
@@ -330,7 +330,7 @@ def _draw_curves(
     looks: Mapping[str, CurveLook],
     limits_deg: tuple[float, float],
 ) -> None:
-    """Draw each mean over the percents of the cycle, and one standard deviation to either side."""
+    """Draw means over the cycle, with a shade of one standard deviation to each side."""
     axes.set(xlim=(0, 100), ylim=limits_deg, xlabel=tr("Cycle [%]"), ylabel=tr("Angle [deg]"))
     axes.xaxis.set_major_locator(MultipleLocator(25))
     axes.yaxis.set_major_formatter(PLAIN)
@@ -344,7 +344,7 @@ def _draw_curves(
 
 
 def digit_rows(layout: Layout, joints: Iterable[str]) -> list[list[str]]:
-    """Return the joints in rows: of each digit, then the others."""
+    """Return the joints in rows, one for each digit and a last one for the others."""
     names, children = list(joints), {name: joint.child for name, joint in layout.joints.items()}
     rows = [
         [joint for joint in names if joint in digit.joints or children.get(joint) in digit.segments]
@@ -357,9 +357,9 @@ def digit_rows(layout: Layout, joints: Iterable[str]) -> list[list[str]]:
 def recording_cycles(
     results: StudyResults, recording: Recording, model: str, event: str = ""
 ) -> tuple[Figure, str]:
-    """Draw a panel a joint, digits in rows: means over the cycles that begin at an event, or at the first.
+    """Draw mean angles over the cycles that begin at an event (default: the first), a panel for each joint.
 
-    Raises NoDataError where no angle is averaged.
+    Raises NoDataError if no angle is averaged.
     """
     curves = recording_curves(results, recording, model)
     if not curves:

@@ -1,4 +1,4 @@
-"""A study's figures, each with its caption."""
+"""A study's figures with their captions."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ if TYPE_CHECKING:
 
 
 def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
-    """Draw the study's figures, STUDY_FIGURES in turn."""
+    """Draw the study's figures in the order of STUDY_FIGURES."""
     taken = {
         "results": results,
         "study": study,
@@ -99,13 +99,13 @@ def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
 
 
 _MODEL_ROW_MM = 6.0
-"""High enough that a line through a subject's dots can be followed."""
+"""Height of a row, large enough that the line through a subject's dots can be followed."""
 
 
 def model_panels(results: StudyResults) -> dict[str, Panel]:
-    """Return by its metric a panel for each number of models: those that judge them, then the replay's.
+    """Return panels of the models by metric: the metrics that judge models, then the replay's error.
 
-    The model to take stands first, and models with the same numbers share a row.
+    The recommended model is first, and models with equal numbers share a row.
     """
     judged, first = {each.metric: each for each in judged_models(results)}, taken_model(results)
     metrics = [*([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT]), REPLAY]
@@ -140,7 +140,7 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
 
 
 def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any) -> None:
-    """Draw rows of dots, and a line through the dots of every subject; more : as of draw_rows."""
+    """Draw rows of dots with a line through the dots of each subject; more : arguments of draw_rows."""
     draw_rows(axes, rows, scale=scale, **more)
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
@@ -150,7 +150,7 @@ def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any
 
 
 def models(results: StudyResults) -> tuple[Figure, str]:
-    """Draw the models' panels side by side. Raises NoDataError without a score."""
+    """Draw the models' panels side by side. Raises NoDataError if no model has a score."""
     panels = [*model_panels(results).values()]
     if not panels:
         raise NoDataError(tr("no model of this study has a score; see skeleton_scores and problems"))
@@ -170,7 +170,7 @@ def models(results: StudyResults) -> tuple[Figure, str]:
 
 
 def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]:
-    """Return those joints digit by digit, then what belongs to no digit, then what no layout names."""
+    """Return joints ordered by digit, then those that belong to no digit, then those in no layout."""
     layouts = results.layouts.values()
     of_digits = [joint for layout in layouts for digit in layout.digits.values() for joint in digit.joints]
     others = [joint for layout in layouts for joint in layout.joints]
@@ -183,14 +183,17 @@ _SKELETON = ("subject", "session", "hand", "model", "calibrated_on")
 
 @dataclass
 class _ModelErrors:
-    """Errors and stated errors of a model, by joint and then by hand."""
+    """True and stated errors of a model, by joint and then by hand."""
 
     error_mm: dict[str, dict[Hand, float]] = field(default_factory=lambda: defaultdict(dict))
     sd_mm: dict[str, dict[Hand, float]] = field(default_factory=lambda: defaultdict(dict))
 
 
 def joint_errors(results: StudyResults) -> tuple[Figure, str]:
-    """Draw a panel a model; models with equal joints share one. Raises NoDataError without a truth."""
+    """Draw joint errors, a panel per model; models with equal joints share one.
+
+    Raises NoDataError if the truth is unknown.
+    """
     judged = next((each for each in judged_models(results) if each.metric == TRUTH), None)
     if judged is None:
         raise NoDataError(tr("the true joints are not known, or no model has a joint that could be compared"))
@@ -238,7 +241,10 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
 
 
 def _errors_of_models(results: StudyResults, judged: JudgedModels) -> dict[str, _ModelErrors]:
-    """Return means over the skeletons that the answer is of, held out or not, of a hand's joint."""
+    """Return each model's errors of a hand's joint, means over the held-out skeletons or over the others.
+
+    judged : the metric, which states whether held-out skeletons are used.
+    """
     scored = {
         key_of(row, _SKELETON) for row in results.rows.skeleton_scores if row["held_out"] == judged.held_out
     }
@@ -257,7 +263,7 @@ def _errors_of_models(results: StudyResults, judged: JudgedModels) -> dict[str, 
 def _draw_errors(
     axes: Axes, joints: Sequence[str], look: Look, errors: _ModelErrors, prior: _ModelErrors, scale: Scale
 ) -> None:
-    """Draw every joint's errors by hand, crossed at the medians of the stated error and of anatomy's."""
+    """Draw each joint's errors by hand, with marks at the medians of stated errors and of anatomy alone."""
     rows = []
     for joint in joints:
         of_hand = errors.error_mm.get(joint, {})
@@ -273,11 +279,14 @@ def _draw_errors(
 
 _ABSENT = N_("no result")
 _FILLS = {BELIEVED: ("0.45", ""), CARE: (AMBER, "////"), NOT: (NO, "xxxx"), _ABSENT: ("white", "")}
-"""Fill and hatching."""
+"""Fill colour and hatching of each verdict."""
 
 
 def joint_trust(results: StudyResults) -> tuple[Figure, str]:
-    """Draw a panel a model; models that agree share one. Raises NoDataError without any joint."""
+    """Draw verdicts on joints, a panel per model; models with equal verdicts share one.
+
+    Raises NoDataError if there is no joint.
+    """
     beliefs: dict[str, dict[str, dict[Hand, str]]] = {model: {} for model in results.models}
     for (hand, model), rows in results.joints_of.items():
         for row in rows if model in beliefs else []:
@@ -315,7 +324,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
 def _draw_trust(
     axes: Axes, joints: Sequence[str], beliefs: Mapping[str, Mapping[Hand, str]], hands: Sequence[Hand]
 ) -> None:
-    """Draw the shares of hands by verdict on each joint; no bar for joints that the model lacks."""
+    """Draw the shares of hands with each verdict on each joint; joints that the model lacks have no bar."""
     row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
     rows = [(y, beliefs[joint]) for y, joint in enumerate(joints) if joint in beliefs]
     foot = np.zeros(len(rows))
@@ -327,10 +336,7 @@ def _draw_trust(
 
 
 def range_panels(movement: StudyMovement) -> dict[str, list[Panel]]:
-    """Return by each task's title a panel for each of ANGLES that any joint has.
-
-    Joints are in the colour of their digit.
-    """
+    """Return panels by task: one for each of ANGLES that any joint has, with joints in digits' colours."""
     means = movement.subject_means.set_index(["task", *OF_ANGLE, "subject"])[RANGE].sort_index()
     titles = {task: task_title(task, calibrates=only) for task, only in movement.tasks.items()}
     of_tasks = {titles[task]: _range_panels(movement, means.loc[task], titles[task]) for task in titles
@@ -364,7 +370,10 @@ def _range_panels(movement: StudyMovement, means: pd.Series[float], task: str) -
 
 
 def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Figure, str]:
-    """Draw a row a joint angle, a dot a subject. Raises NoDataError without joint angles."""
+    """Draw ranges of motion, a row per joint angle and a dot per subject.
+
+    Raises NoDataError if there are no joint angles.
+    """
     if movement.ranges.empty:
         if movement.measured:
             raise NoDataError(
@@ -384,7 +393,7 @@ _STYLES = ("-", "--", ":", "-.")
 
 
 def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
-    """Return the look of each level of a factor; of all subjects alike where they have the one level ''."""
+    """Return the look of each level of a factor, or a common look if the only level is an empty string."""
     if (names := list(levels)) == [""]:
         return {"": CurveLook(tr("all subjects"), INK)}
     colours = level_looks(names)
@@ -395,7 +404,7 @@ def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
 
 
 def study_panels(movement: StudyMovement, groups: Mapping[str, str]) -> dict[str, list[Panel]]:
-    """Return by each task and event, in words, a panel a joint: flexion over subjects, a line a group."""
+    """Return panels of flexion by task and event: one for each joint, with a line for each group."""
     looks, of_tasks = group_looks(dict.fromkeys(groups.values())), {}
     for (task, event), joints in movement.level_curves(groups).items():
         words = tr("{task}, cycles from “{event}”", task=task, event=event)
@@ -406,9 +415,9 @@ def study_panels(movement: StudyMovement, groups: Mapping[str, str]) -> dict[str
 def study_cycles(
     results: StudyResults, movement: StudyMovement, groups: Mapping[str, str]
 ) -> tuple[Figure, str]:
-    """Draw a panel a joint, task by task. Raises NoDataError where no recording has cycles.
+    """Draw flexion over the cycle, a panel for each joint, task by task.
 
-    groups : each subject's level of the factor that is drawn.
+    groups : each subject's level of the displayed factor. Raises NoDataError if no recording has cycles.
     """
     of_tasks = study_panels(movement, groups)
     if not of_tasks:
@@ -435,7 +444,7 @@ NO_CYCLES = N_(
 
 
 def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Panel]:
-    """Return a panel for each number that is drawn of the study's factors: a row a level, a dot a subject."""
+    """Return a panel for each displayed quantity of the factors: a row per level, a dot per subject."""
     panels = []
     for drawn in (each for factor in factors for each in factor.drawn):
         looks = level_looks(drawn.levels)
@@ -453,7 +462,7 @@ def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Pan
 
 
 def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tuple[Figure, str]:
-    """Draw the groups side by side. Raises NoDataError where no two levels have numbers."""
+    """Draw the groups' panels side by side. Raises NoDataError if no two levels have values."""
     factors = compared_factors(results, study, movement)
     panels = group_panels(factors, len(results.subjects))
     if not panels:
@@ -469,7 +478,7 @@ def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tupl
 
 
 def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Panel | None:
-    """Return the panel of a subject's bone lengths under a model, for its page; None without any."""
+    """Return the panel of a subject's bone lengths under a model for its page, or None if there are none."""
     lengths = {
         hand: {(row["bone"], row["digit"]): row for row in rows if row["length_mm"] is not None}
         for hand in results.hands_of(*who)
@@ -488,7 +497,7 @@ def _draw_lengths(
     bones: Sequence[tuple[str, str]],
     lengths: Mapping[Hand, Mapping[tuple[str, str], BoneLengthsRow]],
 ) -> None:
-    """Draw every bone's length with its 1-sigma error: right hands filled, left ones open."""
+    """Draw every bone's length with its 1-sigma error; markers are filled for right and open for left."""
     names = [name for name, _ in bones]
     words = [word(name) + (f" ({word(digit)})" if names.count(name) > 1 else "") for name, digit in bones]
     most = max(row["length_mm"] + (row["sd_mm"] or 0.0) for of in lengths.values() for row in of.values())

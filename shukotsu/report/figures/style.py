@@ -1,6 +1,6 @@
-"""Set how every picture looks: sizes, fonts and lines.
+"""Style of all pictures: sizes, fonts and lines.
 
-A journal that wants it otherwise changes this and the palette.
+To follow a journal's style, change this module and the palette.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ FONTS_FOR_OTHER_SCRIPTS = (
     "Microsoft YaHei",
     "WenQuanYi Zen Hei",
 )
-"""Used where they are installed, for characters that FONT does not have."""
+"""Fonts that are used, if installed, for characters that FONT lacks."""
 
 STYLE: dict[str, Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.0,
     "axes.titlesize": 8.0,
     "axes.titlepad": 3.0,
-    "axes.titley": 1.0,  # at the axes' top: to look for a free place measures every tick's label
+    "axes.titley": 1.0,  # avoids measuring all tick labels to place the title
     "axes.labelpad": 2.0,
     "axes.linewidth": 0.6,
     "axes.edgecolor": SOFT,
@@ -85,12 +85,12 @@ STYLE: dict[str, Any] = {
     "svg.hashsalt": "shukotsu",
     "pdf.fonttype": 42,
 }
-"""Settings of matplotlib, on top of its own defaults; a user's matplotlibrc has no say."""
+"""Changes to matplotlib's default settings; a user's matplotlibrc is ignored."""
 
 
 @contextmanager
 def apply_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Draw and save in this style, `settings` on top, and leave matplotlib's settings as they were."""
+    """Use this style with additional `settings` in the block; restore matplotlib's settings afterwards."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         all_settings: Any = {**STYLE, **_fonts(), **(settings or {})}
@@ -99,9 +99,10 @@ def apply_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def label(text: str) -> str:
-    """Return the text as the fonts at hand can write it; what none has becomes its code in ASCII.
+    """Return text with each character that no available font has replaced by its code in ASCII.
 
-    On a page, which alone is drawn in a language that no font here writes, the reader's browser has one.
+    Text in a language without an available font is drawn only on pages, where the reader's browser has a
+    font, and is left unchanged.
     """
     text = punctuated(text)
     if print_language(language()) != language():
@@ -111,19 +112,19 @@ def label(text: str) -> str:
 
 
 def without_controls(text: str) -> str:
-    """Return a text as XML can hold it."""
+    """Return text with control characters, which XML does not allow, replaced by their codes."""
     return "".join(_code(c) if category(c) in ("Cc", "Cs") else c for c in text)
 
 
 def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
-    """Change every text of a figure, line by line, to what its medium can hold."""
+    """Apply `writable` to each line of every text in a figure."""
     artists = [
         *figure.texts,
         *figure.legends,
         *(part for axes in figure.axes for part in axes.get_children()),
     ]
     for axis in [artist for artist in artists if isinstance(artist, Axis)]:
-        artists.remove(axis)  # its formatter writes its ticks, which are not made before they are drawn
+        artists.remove(axis)  # its ticks are made by the formatter when drawn
         artists.append(axis.label)
         formatter = axis.get_major_formatter()
         if isinstance(formatter, FixedFormatter):
@@ -144,23 +145,23 @@ def _code(character: str) -> str:
 
 
 def width_mm(words: str) -> float:
-    """Return about how wide a text is in small letters: a Chinese or Japanese one is twice a Latin one."""
+    """Return the approximate width of text in the small font; East Asian characters are twice as wide."""
     return 0.22 * SMALL_PT * sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
 
 
 def wrap_text(text: str, width: int) -> list[str]:
-    """Wrap text to lines of at most `width` Latin letters that the installed fonts can write."""
+    """Wrap text, with characters that no font has replaced, to lines of at most `width` Latin letters."""
     latin = width_mm(text) < 1.5 * width_mm("m") * len(text)
     return wrap(label(text), width if latin else width // 2, break_on_hyphens=False)
 
 
 def _fonts_of(name: str) -> list[str]:
-    """Return the names of fonts that write a language, the best first: its translation of DejaVu Sans."""
+    """Return the fonts for a language, best first, from its catalogue's translation of DejaVu Sans."""
     return translations_of(name).gettext(FONT).split(", ")
 
 
 def font_of(name: str) -> Path | None:
-    """Return the file of the first installed font that writes a language; None where there is none."""
+    """Return the file of the first installed font for a language, or None."""
 
     def first() -> Path | None:
         files = {entry.name: Path(entry.fname) for entry in reversed(font_manager.fontManager.ttflist)}
@@ -171,22 +172,22 @@ def font_of(name: str) -> Path | None:
 
 @cache
 def _seek_fonts() -> int:
-    """Add fonts that were installed after matplotlib wrote down its list; return how many."""
+    """Add fonts that were installed after matplotlib cached its list; return how many."""
     listed = {entry.fname for entry in font_manager.fontManager.ttflist}
     new = [path for path in font_manager.findSystemFonts() if path not in listed]
     for path in new:
-        with suppress(OSError, RuntimeError):  # a file that is no font that can be drawn
+        with suppress(OSError, RuntimeError):  # not a usable font file
             font_manager.fontManager.addfont(path)
     return len(new)
 
 
 def print_language(name: str) -> str:
-    """Return the language of a study's figures for print: English where no font writes the study's."""
+    """Return the language of figures for print: English if no font for the study's language is installed."""
     return ENGLISH if name == ENGLISH or font_of(name) is None else name
 
 
 def font_note(name: str) -> str:
-    """Return the sentence that says why figures for print are English; empty where they need not be."""
+    """Return a sentence that states why figures for print are in English, or an empty string."""
     if print_language(name) == name:
         return ""
     return (
@@ -197,7 +198,7 @@ def font_note(name: str) -> str:
 
 
 def _fonts() -> dict[str, Any]:
-    """Return settings of fonts, the page's language first. Only a TrueType file goes into a PDF as such."""
+    """Return settings of fonts, those for the page's language first; PDFs can embed only TrueType files."""
     font = None if language() == ENGLISH else font_of(language())
     if font is None:
         return {"font.family": [FONT, *_installed_fonts()]}
@@ -210,7 +211,7 @@ def _fonts() -> dict[str, Any]:
 
 @cache
 def _installed_fonts() -> tuple[str, ...]:
-    """Return fonts for other scripts that are installed as TrueType files, which a PDF can hold."""
+    """Return fonts for other scripts that are installed as TrueType files, which PDFs can embed."""
     fonts = font_manager.fontManager.ttflist
     names = {entry.name for entry in fonts if Path(entry.fname).suffix.lower() == ".ttf"}
     return tuple(name for name in FONTS_FOR_OTHER_SCRIPTS if name in names)
@@ -218,7 +219,7 @@ def _installed_fonts() -> tuple[str, ...]:
 
 @cache
 def _characters(name: str) -> frozenset[int]:
-    """Return the code points that some font in use has."""
+    """Return the code points that are in any of the fonts in use."""
     files = [Path(font_manager.findfont(font)) for font in (FONT, *_installed_fonts())]
     files += filter(None, [None if name == ENGLISH else font_of(name)])
     return frozenset[int]().union(*(font_manager.get_font(file).get_charmap().keys() for file in files))

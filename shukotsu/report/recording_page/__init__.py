@@ -1,4 +1,4 @@
-"""The page of one recording: the moving hand, plots that follow it, and the numbers behind."""
+"""The page of one recording: the moving hand, plots that follow it, and tables of its numbers."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from shukotsu.tables.subjects import SubjectSession
 from shukotsu.translation import ngettext, tr, translated, word
 
 ANGLE_STEP_DEG = 0.1
-"""As the page prints angles: rounded to it once, they show the table's own digits."""
+"""Step to which angles are rounded, the precision at which the page prints them."""
 
 
 def recording_page(results: RecordingResults) -> str:
-    """Return the recording's page; the same results give the same text."""
+    """Return the recording's page as HTML; the same results give the same text."""
     title, motion = recording_title(results.recording), results.motion
     angles = [model.angles for model in results.models if model.angles is not None]
     row, facts = results.row, []
@@ -103,19 +103,19 @@ def recording_page(results: RecordingResults) -> str:
 
 
 def failure_page(title: str, message: str) -> str:
-    """Return a page that says only why there is none of the recording."""
+    """Return a page that only states why the recording has no page."""
     text = tr("This recording has no page: {message}", message=translated(message))
     return render("base.html.j2", title=title, message=text)
 
 
 def recording_title(recording: Recording) -> str:
-    """Format subject, hand, task and trial in words, and whether it only calibrates."""
+    """Return subject, hand, task and trial in words, and whether the recording is only for calibration."""
     calibrates = recording.role == "calibration"
     return capital(recording_text(recording)) + (f" ({tr('calibration')})" if calibrates else "")
 
 
 def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str, list[tuple[str, Markup]]]:
-    """Return by event the curves over its cycles under the leading model: a heading and a picture a joint."""
+    """Return the curves over cycles under the leading model, by event: a heading and a picture per joint."""
     pictures = {}
     for event, curves in recording_curves(results, recording, results.leading).items():
         panels = curve_panels(f"{title}, {event}", curves, angle_looks())
@@ -125,7 +125,7 @@ def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str
 
 
 def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
-    """Tabulate the recording's rows of ranges_of_motion under a model; None without any."""
+    """Return a table of the recording's rows of ranges_of_motion under a model, or None if there are none."""
     measured = results.study.hand_rows(RANGES_OF_MOTION, results.recording.hand, model.name)
     rows = [row for row in measured if row_key(row) == recording_key(results.recording)]
     caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=model.name)
@@ -133,7 +133,7 @@ def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
 
 
 def _evidence(model: ModelResults) -> Folded:
-    """Tabulate each joint's gap, error and singular values in the calibration."""
+    """Return a table of each joint's gap, error and singular values in the calibration."""
     values_of = {row["joint"]: row["singular_values"] or [None] * 6 for row in model.solutions}
     singular = [tr("Singular value {n}", n=n) for n in range(1, 7)]
     nothing = dict.fromkeys(singular)
@@ -168,7 +168,7 @@ def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> l
 
 @dataclass(frozen=True)
 class Navigation:
-    """Links of a recording's page; other_hand is None where that hand has no page of the task."""
+    """Links of a recording's page; other_hand : None if the other hand has no page of the task."""
 
     study: Link
     subject: Link

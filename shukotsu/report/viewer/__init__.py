@@ -1,9 +1,9 @@
-"""The moving hand: one recording's motion packed into a page that plays it, without any other program.
+"""The moving hand: one recording's motion, packed into a page that plays it without any other program.
 
-Every number is stored as a whole multiple of its block's step, so it is off by at most half a step, however
-long the recording. A channel's multiples are written as differences from frame to frame, the sign in the
-lowest bit, all lowest bytes first: the high bytes are then nearly all zero and deflate takes them away.
-`viewer.js` reads what `pack_blocks` writes.
+Every number is stored as a multiple of its block's step, so its error is at most half a step. The multiples
+of a channel are stored as differences between frames, with the sign in the lowest bit, and all lowest bytes
+come first; the high bytes are then nearly all zero and compress to almost nothing. `viewer.js` reads what
+`pack_blocks` writes.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from shukotsu.report.hand_motion import (
 from shukotsu.translation import tr, word
 
 POSITION_STEP_MM = 0.05
-"""A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""
+"""Step of positions; the error of a point is at most sqrt(3) / 2 steps, 0.044 mm."""
 ROTATION_STEP = 1 / 8192
-"""Step of a unit quaternion's parts: a receiver is off by at most 0.014 degrees."""
+"""Step of a unit quaternion's parts; the error of a receiver's orientation is at most 0.014 degrees."""
 ERROR_STEP_MM = 0.01
 TIME_STEP_S = 1e-5
 FARTHEST_SHOWN_MM = 10_000.0
-"""A tracker reaches 2 m: a point farther than this could not be shown, and becomes a gap."""
+"""Points farther away than this become gaps since they cannot be shown; a tracker's range is about 2 m."""
 NOMINAL_HZ = 240.0
-"""Frames a second at which a recording without device times is shown."""
-_LEVEL = 6  # the highest, 9, takes a quarter longer to win one part in a thousand
+"""Frames per second at which a recording without device times is played."""
+_LEVEL = 6  # the highest level, 9, takes a quarter longer and saves only 0.1 %
 _EXTENT_FRAMES = 200
 _NEAR_MM = 45.0
 
 
 @dataclass(frozen=True)
 class NumberBlock:
-    """Numbers of one kind: shape (T, N, W), a gap where any of the W is NaN; each within step / 2."""
+    """Numbers of one kind, (T, N, W), stored to within step / 2; a gap if any of the W numbers is NaN."""
 
     name: str
     step: float
@@ -61,10 +61,10 @@ class NumberBlock:
 class View:
     """One moving hand as `viewer.html.j2` shows it.
 
-    title : what it shows, for who cannot see it. places : of the models in the study, which their colours
-    go by. shown : indices of the models in view before any is chosen. still : the picture that stands in
-    where nothing moves, and still_caption what that is. data : what `viewer.js` reads. remark : what else
-    to know, or empty. replayed : whether any skeleton has tip errors.
+    title : description for screen readers. places : indices of the models in the study, which determine their
+    colours. shown : indices of the models that are shown at first. still, still_caption : picture for readers
+    without scripts, with its caption. data : the input of `viewer.js`. remark : a further remark, or empty.
+    replayed : whether any skeleton has tip errors.
     """
 
     title: str
@@ -85,9 +85,9 @@ def view_of(
     extra: Sequence[NumberBlock] = (),
     extra_header: Mapping[str, Any] | None = None,
 ) -> View:
-    """Pack a hand's motion for the template, and beside it what other scripts of the page need.
+    """Pack a hand's motion for the template, with data for other scripts of the page.
 
-    extra, extra_header : as of motion_text.
+    extra, extra_header : as in `motion_text`.
     """
     shown = shown_first(motion)
     first = motion.skeletons[shown[0]]
@@ -119,10 +119,10 @@ def view_of(
 def motion_text(
     motion: HandMotion, extra: Sequence[NumberBlock] = (), extra_header: Mapping[str, Any] | None = None
 ) -> str:
-    """Return the motion as one JSON object that may stand inside a script element: a header and base64 data.
+    """Return the motion as a JSON object, with a header and base64 data, that is safe in a script element.
 
-    extra : further blocks of the motion's T frames, `viewer.blocks[name]` to a script. extra_header : what
-    JSON can hold, `viewer.header.extra`.
+    extra : further blocks of the motion's T frames, which scripts find as `viewer.blocks[name]`. extra_header
+    : JSON data, which scripts find as `viewer.header.extra`.
     """
     header = _header(motion)
     data, header["blocks"] = pack_blocks([*_blocks(motion), *extra])
@@ -133,9 +133,9 @@ def motion_text(
 
 
 def pack_blocks(blocks: Sequence[NumberBlock]) -> tuple[bytes, list[dict[str, Any]]]:
-    """Return the blocks one after the other, zlib-compressed, and what a reader must know of each.
+    """Return the concatenated blocks, compressed by zlib, and a description of each for the reader.
 
-    A block is its byte planes (N, W, T) of coded differences, the lowest first; code 0 is a gap.
+    A block consists of byte planes (N, W, T) of coded differences, the lowest byte first; code 0 is a gap.
     """
     raw, parts = [], []
     for block in blocks:
@@ -152,10 +152,10 @@ def pack_blocks(blocks: Sequence[NumberBlock]) -> tuple[bytes, list[dict[str, An
 
 
 def playing_times_s(time_s: Array) -> Array:
-    """Return when each frame is shown, (T,), from 0 and never backwards.
+    """Return the time at which each frame is shown (T,), s, from 0 and never decreasing.
 
-    Device times as recorded; a frame without one stands between its neighbours, and a recording that has
-    none at all is shown at NOMINAL_HZ.
+    It is the device time, interpolated for frames without one. A recording without device times is played at
+    NOMINAL_HZ.
     """
     index = np.arange(len(time_s), dtype=float)
     timed = np.isfinite(time_s)
@@ -180,12 +180,12 @@ def _blocks(motion: HandMotion) -> list[NumberBlock]:
 
 
 def _near(values: Array) -> Array:
-    """Return NaN for what is too far away to be shown."""
+    """Return values with NaN for points that are too far away to be shown."""
     return np.where(np.abs(values) <= FARTHEST_SHOWN_MM, values, np.nan)
 
 
 def _steady_signs(quaternion: Array) -> Array:
-    """Return the same rotations (T, R, 4), signs such that neighbours in time are near, gaps or not."""
+    """Return the same rotations (T, R, 4) with signs such that successive valid quaternions are near."""
     valid = np.asarray(np.isfinite(quaternion).all(-1, keepdims=True))
     filled = _held(np.where(valid, quaternion, 0.0), valid)
     turned = (filled[1:] * filled[:-1]).sum(-1) < 0
@@ -195,7 +195,10 @@ def _steady_signs(quaternion: Array) -> Array:
 
 
 def _held(values: npt.NDArray[Any], valid: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
-    """Return values (T, N, W), those not valid (T, N, 1) replaced by the last valid before them, if any."""
+    """Return values (T, N, W) in which invalid ones are replaced by the last valid one before, if any.
+
+    valid : shape (T, N, 1).
+    """
     if valid.all():
         return values
     last = np.maximum.accumulate(np.where(valid, np.arange(len(values))[:, None, None], 0), axis=0)
@@ -220,9 +223,10 @@ def _header(motion: HandMotion) -> dict[str, Any]:
 
 
 def _extent(motion: HandMotion) -> tuple[Array, Array]:
-    """Return middle and half size (3,), mm, of what the hand fills in the view, a margin included.
+    """Return centre and half size (3,), mm, of the space that the hand fills in the view, with a margin.
 
-    From some frames, the farthest left out; a joint far from every receiver must not make the hand small.
+    They are computed from a part of the frames, without extreme points, and without joints far from all
+    receivers, which would make the hand appear small.
     """
     frames = np.arange(0, len(motion.frame), max(1, len(motion.frame) // _EXTENT_FRAMES))
 
@@ -240,7 +244,7 @@ def _extent(motion: HandMotion) -> tuple[Array, Array]:
 
 def _skeleton(motion: HandMotion, skeleton: ShownSkeleton) -> dict[str, Any]:
     carried = skeleton.on_receivers
-    seats = [  # the receiver that carries a point, and where in its frame, mm
+    seats = [  # the index of a point's receiver, and the point in its frame, mm
         (motion.receivers.index(point.segment), [round(float(part), 3) for part in point.point_mm])
         if point.segment in motion.receivers and np.linalg.norm(point.point_mm) <= FARTHEST_SHOWN_MM
         else None
