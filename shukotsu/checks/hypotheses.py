@@ -191,6 +191,9 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
 
 def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
     declared = recorded.declared.axes
+    if recorded.declared.kind == "rotation-vector":
+        undo = _undo_quaternion_change(recorded, _undo_vector_unit)
+        yield Hypothesis("units", undo, "radians")
     if not declared:
         return
     for variant, true, axes in (
@@ -201,6 +204,15 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
         yield Hypothesis("euler-order", undo, variant, {"read": declared, "true": true})
     undo = _undo_quaternion_change(recorded, _undo_angle_order(declared, declared, 180 / np.pi))
     yield Hypothesis("units", undo, "radians")
+
+
+def _undo_vector_unit(quaternion: Array) -> Array:
+    """Multiply rotation vectors in radians that were read as degrees."""
+    from scipy.spatial.transform import Rotation  # slow import, needed only for files with angles
+
+    read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
+    again = Rotation.from_rotvec(180 / np.pi * read.as_rotvec())
+    return np.asarray(again.as_quat(scalar_first=True).reshape(quaternion.shape))
 
 
 def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:

@@ -110,8 +110,8 @@ def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
             )
 
 
-_NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
-_NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
+_NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "rotation-vector": ("unit",), "matrix": ()}
+_NUMBERS = {"quaternion": 4, "euler": 3, "rotation-vector": 3, "matrix": 9}
 
 _WIDE_KEYS = ("position", "orientation", "time", "quality")
 """Keys that a receiver can have in a mapping of format csv with wide rows."""

@@ -22,6 +22,8 @@ from shukotsu.study.verdict import BELIEVE, CARE
 from shukotsu.tables.poses import Poses, joined_poses, read_poses
 from shukotsu.tracker.archive import open_archive
 
+pytestmark = pytest.mark.slow
+
 SWAPPED = ("index_middle", "middle_middle")
 RATE_HZ = 240
 
@@ -46,7 +48,6 @@ def from_frame(poses: Poses, frame: int) -> Poses:
     return replace(poses, frame=number, time_s=number / RATE_HZ)
 
 
-@pytest.mark.slow
 def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     coach = a_coach()
     lines = [*coached(coach, calibration(5 * RATE_HZ)), *coach.end()]
@@ -61,7 +62,6 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 
-@pytest.mark.slow
 def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_left_out_in_haste() -> None:
     coach = a_coach(wanted_mm=8.0)
     lines = coach.take(calibration(), may_leave_out=True)
@@ -71,7 +71,6 @@ def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_
     assert coach.calibration.estimate.time_s > 5.9
 
 
-@pytest.mark.slow
 def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None:
     poses = calibration(5 * RATE_HZ)
     coach = a_coach()
@@ -154,7 +153,6 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
     assert 100 < len({*frames.poses().frame.tolist()}) <= MOST_FRAMES
 
 
-@pytest.mark.slow
 def test_live_poses_equal_those_of_an_import(archive: Path, tmp_path: Path) -> None:
     live = LivePoses(LIBERTY, archive)
     parts = [poses for piece in open_archive(archive).pieces() if (poses := live.add(piece)) is not None]

@@ -22,6 +22,8 @@ from shukotsu.fit.measurements import Measurement
 from shukotsu.study.sheets import RECORDINGS, read_sheet
 from shukotsu.tracker.archive import FollowedArchive
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -30,7 +32,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "empty"
 
 
-@pytest.mark.slow
 def test_a_replay_needs_no_study_and_leaves_nothing(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -49,7 +50,6 @@ def test_a_replay_needs_no_study_and_leaves_nothing(
     assert re.search(r"Not calibrated: \d+ frames show no hand yet", capsys.readouterr().out)
 
 
-@pytest.mark.slow
 def test_a_file_that_grows_is_followed_to_its_end(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -99,7 +99,6 @@ def test_a_page_that_can_be_written_no_more_costs_no_row(
     assert (row["file"], row["exclude"]) == ("captures/03_right_rom.arrows", "it shows no hand")
 
 
-@pytest.mark.slow
 def test_a_calibration_from_a_tracker_is_a_row_of_the_study(folder: Path, tmp_path: Path) -> None:
     assert new_study([str(folder)]) == 0
     (folder / "participants.tsv").write_text("subject\n03\n")

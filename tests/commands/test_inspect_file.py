@@ -10,6 +10,7 @@ import pytest
 import recording_files
 import yaml
 from recording_files import ARM, of, write_c3d
+from scipy.spatial.transform import Rotation
 
 from shukotsu.__main__ import main
 from shukotsu.errors import InputError
@@ -107,6 +108,29 @@ def test_a_file_of_both_hands_is_drafted_by_stations(run: Run) -> None:
 
 
 FORWARD = {"rotates": "receiver-to-transmitter"}
+
+
+@pytest.mark.parametrize("empty_line", ["\n", ",,,\r\n"])
+def test_of_two_tables_in_a_file_the_draft_names_one(run: Run, empty_line: str) -> None:
+    """Names over three lines, rotation vectors, and another table behind them, as Vicon Nexus exports it."""
+    turned = Rotation.from_quat(TURNED, scalar_first=True).as_rotvec(degrees=True)
+    place_mm = 300 * PLACE
+    cells = np.concatenate([turned, place_mm, turned[::-1], place_mm[::-1]], 1)
+    rows = [f"{n},0," + ",".join(map(str, row)) + "\n" for n, row in enumerate(cells)]
+    names = ["Segments\n30\n,,S:forearm,,,,,,S:hand\nFrame,Sub Frame", *["RX,RY,RZ,TX,TY,TZ"] * 2]
+    text = ",".join(names) + "\n,,deg,deg,deg,mm,mm,mm,deg,deg,deg,mm,mm,mm\n" + "".join(rows)
+    path = run.write("v.csv", text + empty_line + "Trajectories\n30\nFrame,Sub Frame,X,Y,Z\n0,0,1,2,3\n")
+    out = run.drafted(path)
+    assert "table 2 of 2, under 'Trajectories':" in out
+    assert "the mapping is for table 1; csv.table in it states which" in out
+    run.mapping.write_text(re.sub("(?m)^ *axes: .*$", "", run.mapping.read_text("utf-8")), "utf-8")
+    samples = run.imported(path, {"rate_hz": "30", "kind": "rotation-vector", **FORWARD})
+    for segment, order in (("forearm", 1), ("hand", -1)):
+        numbers = samples.numbers[of(samples, segment)]
+        np.testing.assert_allclose(numbers, np.concatenate([place_mm, TURNED], 1)[::order], atol=1e-9)
+    mapping = yaml.safe_load(run.mapping.read_text("utf-8"))
+    mapping["csv"]["table"] = 3
+    recording_files.refuse(path, "v.csv: has 2 tables; csv.table is 3", ARM, mapping)
 
 
 def test_the_guides_page_shows_what_is_printed(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,6 +23,8 @@ from shukotsu.tables.catalogue import TABLES, table_in
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.typed_table import column_array, rows_of
 
+pytestmark = pytest.mark.slow
+
 WHOLE = Part("right", "quick", subject="01")
 REPLAYED = 520
 
@@ -53,7 +55,6 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> HandAlone:
     return HandAlone(tmp_path_factory.mktemp("hand"))
 
 
-@pytest.mark.slow
 def test_tables_of_a_hand_alone_and_of_a_recording_posed_with_it(hand: HandAlone, tmp_path: Path) -> None:
     task = recorded("right", "opposition", seed=6, n_frames=800)[1].take(slice(REPLAYED))
     replayed = write_poses(hand.folder / "replayed.parquet", task, "right", "opposition")
@@ -117,7 +118,6 @@ REFUSALS: dict[str, tuple[Refused, str]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("what", REFUSALS)
 def test_bad_input_is_one_sentence_and_writes_nothing(
     hand: HandAlone, capsys: pytest.CaptureFixture[str], tmp_path: Path, what: str
@@ -173,7 +173,6 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
         assert message in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_hands_fitted_in_one_job_are_as_fitted_each_in_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,6 +17,8 @@ from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 
+pytestmark = pytest.mark.slow
+
 QUICK, SHORT = FitSettings(n_frames=40, rounds=1), FitSettings(n_frames=20, rounds=1)
 CLEAN = {"glide": 0.0, "artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
 
@@ -49,7 +51,6 @@ def assert_same_centres(first: HandFit, second: HandFit, factor: Array) -> None:
         np.testing.assert_allclose(second.joints[name].covariance_mm2 * both, joint.covariance_mm2, atol=1e-6)
 
 
-@pytest.mark.slow
 def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
     """Two recordings, one with gaps and cut in two, the transmitter elsewhere for all."""
     first, second = (recorded("right", task, seed=7, n_frames=1200)[1] for task in ("rom", "opposition"))
@@ -60,7 +61,6 @@ def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
     assert_same_centres(here, there, np.ones(3))
 
 
-@pytest.mark.slow
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:
     poses = with_gaps(recorded("left", "opposition", seed=7, n_frames=1200)[1])
     left = fit_hand([poses], layout, "left", settings=SHORT)
@@ -108,15 +108,13 @@ def moves_in_sd(fit: HandFit, second: HandFit, places: dict[str, tuple[Array, Ar
 ALL = ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "segment",
     [
         ALL,
-        *(
-            pytest.param(segment, marks=pytest.mark.slow)
-            for segment in ("hand", "thumb_metacarpal", "ring_middle")
-        ),
+        "hand",
+        "thumb_metacarpal",
+        "ring_middle",
     ],
 )
 def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> None:
@@ -132,7 +130,7 @@ def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> No
     assert np.median(moves) < (0.3 if segment else 1.0)
 
 
-@pytest.mark.parametrize("anatomy", ["blend", pytest.param("myohand", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("anatomy", ["blend", "myohand"])
 def test_what_motion_shows_comes_out_whatever_is_expected(layout: Layout, anatomy: str) -> None:
     """Without skin, noise and field, people of the usual anatomy and of the one that is farthest from it:
     across a hinge's axis, and in all directions elsewhere, a centre is found to 0.25 mm, most to 0.1 mm.

@@ -18,6 +18,8 @@ from shukotsu.study.findings import moved_finding
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses, recording_name
 
+pytestmark = pytest.mark.slow
+
 LAYOUT = read_layout("liberty16")
 _, Y, Z = np.eye(3)
 
@@ -40,12 +42,11 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
     return replace(poses, position_mm=position, quaternion=quaternion)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("segment", "axis", "deg", "shift_mm", "first"),
     [
         ("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0),
-        pytest.param("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150, marks=pytest.mark.slow),
+        ("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150),
     ],
 )
 def test_a_moved_receiver_is_named_with_shift_rotation_and_frame(
@@ -59,7 +60,6 @@ def test_a_moved_receiver_is_named_with_shift_rotation_and_frame(
     assert receiver.turn_deg == pytest.approx(deg, abs=3.0)
 
 
-@pytest.mark.slow
 def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> None:
     tips = fingertips(fitted())
     poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))

@@ -15,13 +15,13 @@ from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import RecordingName
 
+pytestmark = pytest.mark.slow
+
 LAYOUT = read_layout("liberty16")
 QUICK = FitSettings(n_frames=40, rounds=1)
 SEEDS = (4, 5, 7)
-HANDS = pytest.mark.parametrize(
-    "seed", [SEEDS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SEEDS[1:])]
-)
-SIDES = pytest.mark.parametrize("side", ["right", pytest.param("left", marks=pytest.mark.slow)])
+HANDS = pytest.mark.parametrize("seed", SEEDS)
+SIDES = pytest.mark.parametrize("side", ["right", "left"])
 
 
 @cache
@@ -47,7 +47,6 @@ def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
     return errors
 
 
-@pytest.mark.slow
 @HANDS
 @SIDES
 def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
@@ -62,7 +61,6 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
         assert np.linalg.norm(back[row] - front[row], axis=-1).max() < np.hypot(*sd_mm)
 
 
-@pytest.mark.slow
 @SIDES
 def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> None:
     """Angles of the same motion, seen by a receiver on the back of the hand's side and on the nail's."""

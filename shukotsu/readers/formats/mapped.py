@@ -193,7 +193,7 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
     Parameters
     ----------
     numbers : array, shape (N, 4), (N, 3) or (N, 9)
-        Quaternions, Euler angles or matrices (row by row), NaN where a value is missing.
+        Quaternions, Euler angles, rotation vectors or matrices (row by row), NaN where a value is missing.
     orientation : mapping
         The mapping's `orientation` group: kind, order, axes, unit, direction.
     locate : callable
@@ -202,7 +202,7 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
     Returns
     -------
     array, shape (N, 4)
-        Quaternions (w, x, y, z). Those computed from angles or matrices are unit quaternions; their row is
+        Quaternions (w, x, y, z). Those computed from other kinds are unit quaternions; their row is
         all NaN if a number is missing, all infinite if one is infinite.
 
     Raises
@@ -214,16 +214,20 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
     kind = orientation["kind"]
     if kind == "quaternion":
         turned = numbers[:, [orientation["order"].index(part) for part in "wxyz"]]
-    elif kind == "euler":  # Polhemus azimuth, elevation, roll are ZYX (LIBERTY user manual, attitude matrix)
-        # R = R_a(first) R_b(second) R_c(third): intrinsic rotations, each about the already rotated axes
+    elif kind == "matrix":
+        turned = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), locate))
+    else:
         angles_rad = np.radians(numbers) if orientation["unit"] == "deg" else numbers
         angles_rad = np.where(np.isfinite(angles_rad), angles_rad, np.nan)
+    if kind == "rotation-vector":
+        half_rad = np.linalg.norm(angles_rad, axis=-1, keepdims=True) / 2
+        turned = np.concatenate([np.cos(half_rad), np.sinc(half_rad / np.pi) / 2 * angles_rad], -1)
+    if kind == "euler":  # Polhemus azimuth, elevation, roll are ZYX (LIBERTY user manual, attitude matrix)
+        # R = R_a(first) R_b(second) R_c(third): intrinsic rotations, each about the already rotated axes
         axes = [np.eye(3)["XYZ".index(axis)] for axis in orientation["axes"]]
         first, second, third = (about_axis(axis, angles_rad[:, i]) for i, axis in enumerate(axes))
         turned = multiply(multiply(first, second), third)
         turned = np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, turned)
-    else:
-        turned = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), locate))
     if kind != "quaternion":
         turned = np.where(np.isinf(numbers).any(-1, keepdims=True), np.inf, turned)
     return conjugate(turned) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(turned)

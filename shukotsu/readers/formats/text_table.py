@@ -28,6 +28,7 @@ from shukotsu.errors import InputError, count_of, list_names, nearest
 from shukotsu.readers.formats.cells import Cells
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
 from shukotsu.tables.text_files import (
+    NO_VALUE,
     decode_text,
     open_text,
     reading,
@@ -38,6 +39,13 @@ from shukotsu.tables.text_files import (
 
 READ_BYTES = 8 << 20
 """Text that is parsed at a time: some ten thousand rows, and more than the longest line."""
+_TITLE = re.compile(rb"(?m)^[ \t,;]*\n(?=[ \t]*[^\s\d.,;+#-][^,;\t\n]*[,;\t ]*\n)")
+"""An empty line before a line of a single cell that is not a number: a table's title."""
+_ROW = re.compile(rb"(?m)^(?=[^\n]*\d)(?:[^,;\t\n]*[,;\t]){3}")
+"""Beginning of a row of four or more cells with a digit in it."""
+_NAME_LINES = 6
+"""Largest number of lines over which the names of columns may extend."""
+_NUMBER_LIKE, _NO_NAME = re.compile(r"[+\u2212-]?\.?\d"), re.compile(NO_VALUE, re.I)
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Separator by the mapping's name; runs of blanks are first replaced by one tab (see `_normalise`)."""
 
@@ -175,7 +183,7 @@ class TextTable:
                 if len(record) != len(self.header) and last and line > last + 1 and len(record) < 3:
                     raise InputError(
                         f"{self.path}: line {line}: another table seems to begin here, after an empty line; "
-                        "expected only one: put each table into a separate file"
+                        "expected only one: state which in csv.table, or put each table into a separate file"
                     )
                 last = line
                 if len(record) != len(self.header):
@@ -263,10 +271,14 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         ended = is_ended(data)
         data = _normalise(path, data, details)
     separator = _SEPARATOR[details["delimiter"]]
-    records = _first_records(path, lambda: io.BytesIO(data), separator, details["header"] + 1)
+    most = _NAME_LINES + 1 if details["header"] else 1
+    records = _first_records(path, lambda: io.BytesIO(data), separator, most)
     if not records:
         raise InputError(f"{path}: is empty; expected a table")
-    names, width = records[0][1] if details["header"] else [""] * len(records[0][1]), len(records[-1][1])
+    rows = [record for _, record in records]
+    n_names = 1 + len(list(itertools.takewhile(has_names, rows[1:]))) if details["header"] else 0
+    names = join_names(rows[:n_names]) if n_names else [""] * len(rows[0])
+    width = len(rows[min(n_names, len(rows) - 1)])
     # either the header or the other rows may end in a separator
     names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
     names = [name.strip() for name in names[:width]]
@@ -278,12 +290,53 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         separator,
         tuple(header),
         _titles(names),
-        records[0][0] if details["header"] else 0,
+        records[n_names - 1][0] if n_names else 0,
         expected,
         tuple(map(str.strip, details["missing"])),
         details["decimal"],
-        ended=ended,
+        ended=ended or data.endswith(b"\n"),
     )
+
+
+def has_names(row: Sequence[str]) -> bool:
+    """Return whether a row has words and no numbers, like lines of column names or units."""
+    words = [cell for cell in map(str.strip, row) if not _NO_NAME.fullmatch(cell)]
+    return bool(words) and not any(map(_NUMBER_LIKE.match, words))
+
+
+def join_names(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Join names of columns that extend over several lines, such as segment, axis and unit.
+
+    An empty cell repeats the name to its left if the line below names its column.
+    """
+    lines = [[cell.strip() for cell in row] for row in rows]
+    for line, below in itertools.pairwise(lines):
+        line += [""] * (len(below) - len(line))
+        for column in range(1, len(below)):
+            line[column] = line[column] or (line[column - 1] if below[column] else "")
+    return [" ".join(filter(None, parts)) for parts in itertools.zip_longest(*lines, fillvalue="")]
+
+
+def tables_of(path: Path) -> list[bytes]:
+    """Return the tables of a text, which may follow each other under titles, each as UTF-8 text."""
+    with reading(path, "a table as text"):
+        data = _with_line_feeds(utf8_bytes(path, read_whole(path, "a table as text")))
+    return [data[start:end] for start, end in _table_bounds(data)]
+
+
+def _table_bounds(data: bytes) -> list[tuple[int, int]]:
+    """Return where tables start and end in a text; lines before a table's rows belong to it."""
+    bounds, start = [], 0
+    titles = [title.span() for title in _TITLE.finditer(data)]
+    for end, next_start in [*titles, (len(data), len(data))]:
+        if _ROW.search(data, start, end):
+            bounds.append((start, end))
+            start = next_start
+    return bounds
+
+
+def _with_line_feeds(data: bytes) -> bytes:
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
 
 
 def _titles(names: Sequence[str]) -> tuple[str, ...]:
@@ -313,12 +366,16 @@ def _normalise(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     data = utf8_bytes(path, data)
     if not data.isascii():  # decoding costs memory, and ASCII needs no check
         decode_text(path, data, "a table as text")
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if details["skip_lines"]:
-        lines = data.split(b"\n", details["skip_lines"])
-        data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > details["skip_lines"] else b""
+    data, skipped = _with_line_feeds(data.removeprefix(b"\xef\xbb\xbf")), details["skip_lines"]
+    if number := details.get("table"):
+        tables = _table_bounds(data)
+        if number > len(tables):
+            raise InputError(f"{path}: has {count_of(len(tables), 'table')}; csv.table is {number}")
+        start, end = tables[number - 1]
+        skipped, data = skipped + data.count(b"\n", 0, start), data[:end]
+    if skipped:
+        lines = data.split(b"\n", skipped)
+        data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > skipped else b""
     if "comment" in details:
         data = re.sub(rb"(?m)^[ \t]*" + re.escape(details["comment"].encode()) + rb".*$", b"", data)
     data = re.sub(rb"(?m)^[ \t]+$", b"", data)

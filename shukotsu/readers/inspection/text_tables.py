@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from shukotsu.errors import InputError, count_of
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
-from shukotsu.readers.formats.text_table import open_table_text, open_tidy_csv
+from shukotsu.readers.formats.text_table import has_names, open_table_text, open_tidy_csv, tables_of
 from shukotsu.readers.formats.tidy import (
     COMMENTS,
     RECEIVER,
@@ -67,7 +67,10 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """Format of a text table, by keys of the mapping's `csv` group; before : text of the skipped lines."""
+    """Format of a text table, by keys of the mapping's `csv` group; before : text of the skipped lines.
+
+    table : number of the table, from 1, in a text with several.
+    """
 
     delimiter: str
     decimal: str
@@ -75,12 +78,13 @@ class TextForm:
     comment: str | None
     skip_lines: int
     before: str = ""
+    table: int | None = None
 
     def config(self) -> dict[str, Any]:
         """Return the format as the mapping's `csv` group, with all keys that reading a table needs."""
         config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
-        config["missing"] = []
-        return config if self.comment is None else config | {"comment": self.comment}
+        config |= {name: value for name in ("comment", "table") if (value := getattr(self, name))}
+        return config | {"missing": []}
 
     def sentence(self) -> str:
         """Describe the format in words."""
@@ -92,15 +96,14 @@ class TextForm:
         return text + (f", {count_of(self.skip_lines, 'line')} before it" if self.skip_lines else "")
 
 
-def detect_form(path: Path) -> TextForm:
+def detect_form(path: Path, data: bytes) -> TextForm:
     """Find the format in which most cells of the text are numbers and rows are equally long.
 
     Raises InputError if the file is not text, or no format gives rows of three or more numbers.
+    data : the text of the table.
     """
-    with open_text(path) as stream:
-        data = stream.read(1 << 20)
     try:
-        text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
+        text = data[: 1 << 20].decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: is neither UTF-8 text nor a file with a supported ending; "
@@ -139,6 +142,8 @@ def _as(
     if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
         return None
     first = last if last >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
+    while last >= 0 < first and 2 < len(split[first - 1][1]) <= width and has_names(split[first - 1][1]):
+        first -= 1
     skipped = split[first][0] if first else 0
     before = "\n".join(line for index, line in rows if index < skipped)
     return share, TextForm(delimiter, decimal, last >= 0, comment, skipped, before)
@@ -187,10 +192,36 @@ class _ReadTable:
     receivers: Sequence[str]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # infinite numbers are reported as such
 def describe_table(path: Path, layout: Layout) -> Description:
+    """Describe every table of a text, and draft a mapping of the first one with orientations.
+
+    Raises InputError if no table can be read.
+    """
+    tables = tables_of(path)
+    if len(tables) < 2:
+        with open_text(path) as stream:
+            return _describe(path, layout, detect_form(path, stream.read(1 << 20)))
+    lines, drafts = [], list[tuple[int, str]]()
+    for number, data in enumerate(tables, 1):
+        title = data.lstrip().split(b"\n", 1)[0].decode("utf-8", "replace").strip(" ,;\t")
+        lines.append(f"table {number} of {len(tables)}, under {title!r}:")
+        try:
+            form = replace(detect_form(path, data), table=number)
+            description = _describe(path, layout, form)
+            drafts.append((number, description.draft))
+            lines += [f"  {line}" for line in description.lines]
+        except InputError as error:
+            lines.append(f"  {error}")
+    if not drafts:
+        return _describe(path, layout, detect_form(path, tables[0]))
+    number, drafted = max(drafts, key=lambda each: ("\norientation:" in each[1], -each[0]))
+    lines.append(f"the mapping is for table {number}; csv.table in it states which")
+    return Description(tuple(lines), drafted)
+
+
+@np.errstate(over="ignore", invalid="ignore")  # infinite numbers are reported as such
+def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     """Describe the presumed columns of a table. Raises InputError if the text is not a table."""
-    form = detect_form(path)
     text = open_table_text(path, form.config())
     table = _read_columns(text.cells(text.titles), text.titles)
     roles = table.roles
@@ -378,6 +409,13 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
         if all(map(by_azimuth, groups)):
             config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
             rotates = (FORWARD, "as azimuth, elevation and roll of Polhemus trackers and the trakSTAR")
+        elif not any(map(by_azimuth, groups)) and all(
+            re.search(r"^r|[\W_]r", title, re.I) for title in groups[0]
+        ):
+            config["kind"] = (
+                CHECK,
+                "euler, or rotation-vector, as Vicon Nexus writes segments: then delete axes",
+            )
         elif roles.receiver in roles.guessed:
             config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
             rotates = (FORWARD, f"{CHECK}: as a Polhemus tracker's angles; is it one?")
@@ -488,7 +526,7 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
     """Return the mapping's `csv` group."""
     config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
     config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
-    config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
+    config |= {name: value for name in ("comment", "skip_lines", "table") if (value := getattr(form, name))}
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
         config["time_unit"] = time[:2]

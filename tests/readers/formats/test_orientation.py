@@ -48,6 +48,16 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
         ("matrix", {}, lambda q: matrix(q).reshape(-1, 9)),
         *(
             (
+                "rotation-vector",
+                {"unit": unit_of_angles},
+                lambda q, degrees=unit_of_angles == "deg": Rotation.from_quat(q, scalar_first=True).as_rotvec(
+                    degrees
+                ),
+            )
+            for unit_of_angles in ("deg", "rad")
+        ),
+        *(
+            (
                 "euler",
                 {"axes": axes, "unit": "rad"},
                 lambda q, axes=axes: Rotation.from_quat(q, scalar_first=True).as_euler(axes),
@@ -66,10 +76,11 @@ def test_every_kind_gives_the_rotation_that_it_was_written_from(
 
 def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
     angles = np.array([[1, np.nan, 2], [np.nan] * 3, [1, np.inf, 2], [1, 2, 3]])
-    turned = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), locate)
-    assert np.isnan(turned[:2]).all()
-    assert np.isinf(turned[2]).any()
-    assert np.isfinite(turned[3]).all()
+    for kind, keys in (("euler", {"axes": "ZYX"}), ("rotation-vector", {})):
+        turned = quaternions(angles, translated(kind, unit="deg", **keys), locate)
+        assert np.isnan(turned[:2]).all()
+        assert np.isinf(turned[2]).any()
+        assert np.isfinite(turned[3]).all()
     nine = np.stack([np.full(9, np.nan), np.eye(3).ravel()])
     turned = quaternions(nine, translated("matrix"), locate)
     assert np.isnan(turned[0]).all()

@@ -33,6 +33,8 @@ from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import CYCLE_CURVES, JOINT_ANGLES, TIPS
 
+pytestmark = pytest.mark.slow
+
 
 def names_of(axes: Axes) -> list[str]:
     return list(axes.yaxis.get_major_formatter().seq)  # type: ignore[attr-defined]
@@ -78,7 +80,6 @@ def test_models_with_the_same_numbers_share_a_row(twelve: StudyResults) -> None:
     assert names_of(models(apart)[0].axes[0])[:3] == ["whole-hand", "paper-fig3", "paper-fig4"]
 
 
-@pytest.mark.slow
 def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
     """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
     blind = [{**row, "true_tip_mean_mm": None} for row in twelve.rows.skeleton_scores]
@@ -101,7 +102,6 @@ def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> No
     assert [[stated_mm, -0.4], [stated_mm, 0.4]] in [level.tolist() for level in levels]
 
 
-@pytest.mark.slow
 def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
     """One of four hands failed wholly, and on another the ring DIP joint failed, the little one is weak."""
     axes = joint_trust(results)[0].axes[-1]
@@ -180,7 +180,6 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(study: MadeStudy, record
     assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "", "Device time [s]"]
 
 
-@pytest.mark.slow
 def test_joint_angles_are_the_tables(study: MadeStudy, recording: Recording) -> None:
     figure, caption = joint_angles(study.results, recording, "whole-hand")
     axes_of = {axes.get_title("right"): axes for axes in figure.axes}
@@ -219,7 +218,6 @@ def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, r
     assert "event “tap”" in caption
 
 
-@pytest.mark.slow
 def test_a_recording_without_cycles_says_why(study: MadeStudy) -> None:
     left = find_recording(study.results, "S01", "left", "opposition")
     with pytest.raises(NoDataError, match="No event begins a cycle in this recording"):
