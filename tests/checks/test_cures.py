@@ -37,7 +37,11 @@ from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT
 from shukotsu.tables.poses import Poses, read_poses
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-PARTS = {"quaternion": ("1", "2", "3", "4"), "euler": ("az", "el", "ro")}
+PARTS = {
+    "quaternion": ("1", "2", "3", "4"),
+    "euler": ("az", "el", "ro"),
+    "rotation-vector": ("rx", "ry", "rz"),
+}
 MOST_TIMES = 6
 
 
@@ -132,6 +136,14 @@ def angles(planted: Planted) -> Brought:
     turns = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
     numbers = turns.as_euler("ZYX", degrees=True).reshape(*quaternion.shape[:2], 3)
     return _row_a_frame(planted, numbers, {"kind": "euler", "axes": "ZYX", "unit": "deg"}, "inch", "s")
+
+
+def vectors(planted: Planted) -> Brought:
+    """Bring a row a frame: millimetres, seconds, rotation vectors in degrees."""
+    quaternion = planted.poses.quaternion
+    turns = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
+    numbers = turns.as_rotvec(degrees=True).reshape(*quaternion.shape[:2], 3)
+    return _row_a_frame(planted, numbers, {"kind": "rotation-vector", "unit": "deg"}, "mm", "s")
 
 
 def _row_a_frame(
@@ -590,6 +602,7 @@ CASES: Sequence[Case] = (
     Case("units/degrees", "unit: rad", angles, _in_mapping("orientation", unit="rad")),
     Case("units/positions-large", "position_unit: inch", wide, _in_mapping(position_unit="inch")),
     Case("units/radians", "radians", angles, _brought(_in_radians)),
+    Case("units/radians", "rotation vectors in radians", vectors, _brought(_in_radians)),
     Case("time-unit/scaled", "seconds", tidy, _recorded("seconds read as milliseconds")),
     Case("time-unit/rate", "rate_hz", wide, _in_mapping(csv={}, rate_hz=0.24)),
     Case("time-unit", "milliseconds", tidy, _recorded("milliseconds read as seconds")),
