@@ -1,5 +1,5 @@
-"""Cures are true: done word for word to file, mapping, layout or sheet, nothing is found, and joints
-are where they were without the mistake.
+"""The cures in findings work: applied literally to file, mapping, layout or sheet, they leave no finding, and
+joints are where they are without the mistake.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ MOST_TIMES = 6
 
 @dataclass(frozen=True)
 class Brought:
-    """A recording as its laboratory has it.
+    """A recording as a laboratory brings it.
 
-    table : the file's columns by title, a row a receiver and frame where there is no mapping, else a row a
-    frame. mapping, layout : as their YAML files. sheet : the recording's row, by column.
+    table : the file's columns by title; without a mapping one row per receiver and frame, else one per frame.
+    mapping, layout : contents of their YAML files. sheet : the recording's row of the sheet, by column.
     """
 
     table: Mapping[str, Any]
@@ -66,13 +66,13 @@ class Brought:
         return [*self.receivers] or [name for name in self.layout["segments"] if self.rows(name).any()]
 
     def columns(self, segment: str) -> list[str]:
-        """Titles of the receiver's numbers."""
+        """Return the titles of the receiver's columns of numbers."""
         if self.mapping is None:
             return [*NUMBERS]
         return [*self.receivers[segment]["position"], *self.receivers[segment]["orientation"]]
 
     def rows(self, segment: str) -> Any:
-        """Which rows are the receiver's."""
+        """Return an index of the receiver's rows."""
         if self.mapping is not None:
             return slice(None)
         if "segment" in self.table:
@@ -80,27 +80,27 @@ class Brought:
         return self.table["receiver"] == self.layout["segments"][segment].get("receiver")
 
     def numbers(self, segment: str) -> Array:
-        """The receiver's numbers, (frames, N)."""
+        """Return the receiver's numbers, (frames, N)."""
         return np.stack([self.table[title][self.rows(segment)] for title in self.columns(segment)], -1)
 
     def repeats(self, segment: str) -> Any:
-        """Frames (F,) in which the receiver's numbers are those of the frame before."""
+        """Return whether the receiver's numbers repeat those of the previous frame, (F,)."""
         numbers = self.numbers(segment)
         return np.concatenate([[False], (numbers[1:] == numbers[:-1]).all(-1)])
 
     def emptied(self, segment: str, frames: Any) -> Brought:
-        """Leave the receiver's numbers empty in those of its frames."""
+        """Return the file with the receiver's numbers empty in the given frames."""
         table = {title: column.copy() for title, column in self.table.items()}
         for title in self.columns(segment):
             table[title][np.arange(len(table[title]))[self.rows(segment)][frames]] = np.nan
         return replace(self, table=table)
 
     def with_columns(self, **columns: Any) -> Brought:
-        """Return the file with other columns."""
+        """Return the file with columns replaced or added."""
         return replace(self, table={**self.table, **columns})
 
     def with_keys(self, **keys: Any) -> Brought:
-        """Return the mapping with other keys; there must be one."""
+        """Return the recording with keys of its mapping replaced or added; it must have a mapping."""
         assert self.mapping is not None, f"there is no mapping to write {keys} into"
         return replace(self, mapping={**self.mapping, **keys})
 
@@ -120,14 +120,14 @@ def with_stations(planted: Planted) -> Brought:
 
 
 def wide(planted: Planted) -> Brought:
-    """Bring a row a frame: centimetres, milliseconds, quaternions x, y, z, w of the inverse rotation."""
+    """Return one row per frame: centimetres, milliseconds, quaternions x, y, z, w of the inverse rotation."""
     orientation = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
     numbers = conjugate(planted.poses.quaternion)[..., [1, 2, 3, 0]]
     return _row_a_frame(planted, numbers, orientation, "cm", "ms")
 
 
 def angles(planted: Planted) -> Brought:
-    """Bring a row a frame: inches, seconds, azimuth, elevation and roll in degrees."""
+    """Return one row per frame: inches, seconds, azimuth, elevation and roll in degrees."""
     quaternion = planted.poses.quaternion
     turns = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
     numbers = turns.as_euler("ZYX", degrees=True).reshape(*quaternion.shape[:2], 3)
@@ -155,7 +155,7 @@ Door = Callable[[Planted], Brought]
 
 @dataclass(frozen=True)
 class Result:
-    """Hold the findings in what was brought, and the recordings that its hand is solved from."""
+    """The findings in a recording, and the poses, layout and hand from which joints are solved."""
 
     findings: tuple[Finding, ...] = ()
     recordings: tuple[Poses, ...] = ()
@@ -164,13 +164,13 @@ class Result:
 
     @property
     def to_do(self) -> list[str]:
-        """Sentences of findings that ask for something."""
+        """Messages of the findings that ask for an action."""
         messages = [finding.message for finding in self.findings]
         return [message for message in messages if not re.search("nothing (more )?has to be done", message)]
 
     @cached_property
     def centre_mm(self) -> dict[str, Array]:
-        """Joints as the whole hand's fit has them: (2, 3), along the axes of both bones."""
+        """Joint centres (2, 3) of the whole-hand fit in mm, along the axes of both bones, by joint."""
         if self.layout is None:
             return {}
         quick, segments = FitSettings(n_frames=40, rounds=0), self.layout.segments
@@ -210,17 +210,18 @@ def check(brought: Brought) -> Result:
         return Result(checked.findings, (read_poses(poses, seen),), worn, hand)
 
 
-# --- what sentences say -----------------------------------------------------------------------------------
+# --- following the cures ----------------------------------------------------------------------------------
 
 Follow = Callable[[re.Match[str], Brought, Brought], Brought]
-"""What is brought after the words are followed; its last argument is the faultless recording, for what only
-its laboratory can look up."""
+"""Applies a cure's matched words to a recording; the last argument is the faultless recording, for what only
+its laboratory can look up.
+"""
 
 
 def obeyed(brought: Brought, right: Brought) -> tuple[Result, Result]:
-    """Follow the first finding's sentence, check again, and repeat until nothing new is found.
+    """Apply the first finding's cure, check again, and repeat until no new finding appears.
 
-    Return the first and the last result. right : the faultless recording.
+    Return the results of the first and the last check. right : the faultless recording.
     """
     first = last = check(brought)
     done: set[str] = set()
@@ -253,7 +254,7 @@ def _fixed_axes(words: re.Match[str], brought: Brought, right: Brought) -> Broug
 
 
 def _not_in_step(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
-    """The tracker's rate, which who owns it knows: that of new values."""
+    """Add the tracker's rate, which its owner knows: here that of the distinct values."""
     csv = {**(brought.mapping or {})["csv"], **_written(words[1])}
     times = brought.table[csv["time"]][~brought.repeats(brought.worn[0])]
     interval_s = np.median(np.diff(times)) * SECONDS_PER_UNIT[csv["time_unit"]]
@@ -261,7 +262,7 @@ def _not_in_step(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 
 
 def _pairs(words: re.Match[str]) -> dict[str, str]:
-    """Every segment's partner, both ways round."""
+    """Return each segment's partner, in both directions."""
     pairs = re.findall(r"(\w+) (?:and|with) (\w+)", words["pairs"])
     return dict(pairs) | {second: first for first, second in pairs}
 
@@ -276,7 +277,7 @@ def _renamed_receivers(brought: Brought, partners: Mapping[str, str]) -> Brought
 
 
 def _names_in_file(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
-    """In the file's column segment or, where it has stations, in the layout."""
+    """Exchange names in the file's column segment or, if the file has stations, in the layout."""
     partners = _pairs(words)
     if "segment" in brought.table:
         names = brought.table["segment"]
@@ -290,7 +291,7 @@ def _names_in_file(words: re.Match[str], brought: Brought, _: Brought) -> Brough
 
 
 def _exchanged_numbers(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
-    """In frames as the file has them, or as rows of a file without them are counted."""
+    """Exchange numbers in the given frames: of the column frame, or row numbers in a file without it."""
     table, pair = {title: column.copy() for title, column in brought.table.items()}, (words[1], words[2])
     for here, there in (pair, pair[::-1]):
         frame = table["frame"] if "frame" in table else np.arange(len(table["t"]))
@@ -331,14 +332,14 @@ def _in_place(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 
 
 def _spiked(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
-    """Frames as the file has them."""
+    """Empty the poses in the named frames, as the file numbers them."""
     for segment, frame in re.findall(r"(\w+) in frame (\d+)", words[1]):
         brought = brought.emptied(segment, brought.table["frame"][brought.rows(segment)] == int(frame))
     return brought
 
 
 def _zeroed(_words: re.Match[str], brought: Brought, _: Brought) -> Brought:
-    """Every pose at 0, 0, 0 and not turned, as a quaternion 1 or as angles 0."""
+    """Empty every pose at 0, 0, 0 with the identity rotation, as a quaternion or as zero angles."""
     for segment in brought.worn:
         numbers = brought.numbers(segment)
         brought = brought.emptied(segment, (numbers[:, :3] == 0).all(-1) & (np.abs(numbers).sum(-1) <= 1))
@@ -371,7 +372,7 @@ def _in_sheet(column: str, value: str) -> Follow:
 
 
 def _other_hand(words: re.Match[str], brought: Brought, right: Brought) -> Brought:
-    """Which of the two it is, its laboratory knows."""
+    """Apply the one of two alternatives that is true of the recording, as its laboratory would know."""
     if right.sheet["hand"] == words[1]:
         return replace(brought, sheet={**brought.sheet, "hand": words[1]})
     assert right.sheet["hand"] == words[2]
@@ -432,20 +433,20 @@ RULES: Sequence[tuple[str, Follow]] = (
     (r"name each one's own columns or `value` in the mapping", _looked_up),
     (r"export the file again, each receiver with numbers of its own", _looked_up),
 )
-"""By the words of a sentence, as one expression: what is done."""
+"""What to do, by a regular expression that matches the cure."""
 
 
-# --- what is planted --------------------------------------------------------------------------------------
+# --- planted mistakes -------------------------------------------------------------------------------------
 
 Plant = Callable[[Planted, Door, np.random.Generator], Brought]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A mistake of its kind that comes through a door; planted : what is wrong, in words.
+    """A mistake planted in a recording that is brought in one of the file forms (door).
 
-    other_frames : whether joints are solved from others than without the mistake: the cure leaves poses out,
-    or receivers are turned, by whose axes the model samples postures.
+    planted : what is wrong, in words. other_frames : whether the cure changes the frames that joints are
+    solved from: it leaves poses out, or receivers are turned, whose axes decide which postures are sampled.
     """
 
     key: str
@@ -456,7 +457,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """All of it in words."""
+        """Description for the test's id."""
         return f"{self.key}, {self.door.__name__}: {self.planted}"
 
 
@@ -496,7 +497,7 @@ def _reversed_columns(brought: Brought) -> Brought:
 
 
 def _both(first: Plant, second: Plant) -> Plant:
-    """Two mistakes at once, of which the second is one of the mapping."""
+    """Plant two mistakes at once, the second in the mapping."""
     return lambda planted, door, rng: second(planted, lambda _: first(planted, door, rng), rng)
 
 
@@ -530,7 +531,7 @@ def _zeros(planted: Planted, door: Door, rng: np.random.Generator) -> Brought:
 
 
 def _turned(planted: Planted) -> Planted:
-    """The receiver over the ring finger's middle phalanx, strapped on turned."""
+    """Turn the receiver over the ring finger's middle phalanx by 180 deg about its y axis."""
     quaternion, receiver = planted.poses.quaternion.copy(), planted.poses.index("ring_middle")
     quaternion[:, receiver] = multiply(quaternion[:, receiver], about_axis(np.eye(3)[1], np.pi))
     return changed(planted, quaternion=quaternion)
@@ -641,16 +642,16 @@ CASES: Sequence[Case] = (
         other_frames=True,
     ),
 )  # fmt: skip
-"""Every kind that a recording alone shows, by every rule that cures it."""
+"""Every kind of mistake that one recording shows, once per rule that cures it."""
 
 
 FAR_MM, FAR_OF_OTHER_FRAMES_MM = 0.1, 5.0
-"""How far a joint's centre may be from that without the mistake; the latter: solved from other frames,
-which moves the base of the thumb by 4 mm, and a mistake each joint by 18 and more.
+"""How far a joint centre may be from that without the mistake. The latter is for centres solved from other
+frames, which moves the base of the thumb by 4 mm; a mistake moves each joint by at least 18 mm.
 """
 
 QUICK = {"units/positions-small, tidy: centimetres", "receivers-swapped, wide: names"}
-"""Without and with a mapping, for every run of the tests."""
+"""One case without and one with a mapping that are not marked slow themselves."""
 
 
 @cache
@@ -671,19 +672,19 @@ def apart_mm(cured: Result, clean: Result) -> float:
         for case in CASES
     ],
 )
-def test_a_cure_done_word_for_word_cures(case: Case) -> None:
+def test_a_cure_applied_literally_removes_the_finding(case: Case) -> None:
     planted, clean = hand_of(7), without_mistake(case.door)
     assert clean.findings == ()
     wrong, cured = obeyed(case.plant(planted, case.door, np.random.default_rng(3)), case.door(planted))
     assert wrong.findings[0].key in case.key.split(" and ")
     assert cured.to_do == []
-    if case.key != "too-short":  # which leaves the recording out, so that there is no joint
+    if case.key != "too-short":  # whose cure excludes the recording, so that there is no joint
         assert apart_mm(cured, clean) < (FAR_OF_OTHER_FRAMES_MM if case.other_frames else FAR_MM)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("door", [tidy, wide])
-def test_a_layout_says_that_nobody_wore_a_receiver(door: Door) -> None:
+def test_a_layout_can_state_that_receivers_were_not_worn(door: Door) -> None:
     right = door(hand_of(7))
     little = [name for name in right.worn if name.startswith("little_")]
     brought = right
@@ -701,23 +702,23 @@ def test_a_layout_says_that_nobody_wore_a_receiver(door: Door) -> None:
 
 
 NOTHING_TO_WRITE = {
-    **dict.fromkeys(("sudden-change/one", "sudden-change/until", "sudden-change/all"), "it is made again"),
-    "receiver-stuck/all-along": "it is made again",
-    "spikes/left-out": "the room is put right",
-    "hemisphere/jumps": "the import puts the same right as hemisphere/left-out",
+    **dict.fromkeys(("sudden-change/one", "sudden-change/until", "sudden-change/all"), "record again"),
+    "receiver-stuck/all-along": "record again",
+    "spikes/left-out": "the room must be changed",
+    "hemisphere/jumps": "the import repairs it as hemisphere/left-out",
     "hemisphere/undecided": "the laboratory alone knows which numbers are on the wrong side",
-    **dict.fromkeys(("same-file", "other-person/another", "other-person/put-on-anew"), "by the sheet alone"),
+    **dict.fromkeys(("same-file", "other-person/another", "other-person/put-on-anew"), "in the sheet alone"),
     "unchecked": "the check failed",
     **dict.fromkeys(
         ("cluster-not-rigid", "cluster-not-rigid/apart"), "with a C3D file's clusters, in test_inspect_file"
     ),
-    **dict.fromkeys(("receivers-absent", "receivers-absent/unmapped"), "by a layout, above"),
+    **dict.fromkeys(("receivers-absent", "receivers-absent/unmapped"), "tested above with a layout"),
 }
-"""Mistakes whose cure cannot be followed with one recording, and why."""
+"""Kinds whose cure is not tested here with one recording, and the reason."""
 
 
-def test_every_cure_is_followed() -> None:
-    """But for those with a reason, and where the sentence says that nothing has to be done."""
+def test_every_cure_is_tested() -> None:
+    """Except those listed with a reason and those whose cure is that nothing has to be done."""
     idle = {key for key, texts in findings.MISTAKES.items() if "nothing has to be done" in texts["cure"]}
     followed = {key for case in CASES for key in case.key.split(" and ")}
     assert {*findings.MISTAKES} - idle - followed == {*NOTHING_TO_WRITE}
