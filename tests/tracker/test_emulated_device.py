@@ -1,4 +1,4 @@
-"""The emulated LIBERTY without any port: commands, answers, counters and what is measured."""
+"""The emulated LIBERTY without a port: commands, answers, counters and measurements."""
 
 import struct
 
@@ -32,7 +32,7 @@ def records(data: bytes, size: int) -> list[bytes]:
 
 
 DEFAULTS = {
-    # query: what is answered in text, and in binary, of a device as the factory leaves it
+    # query: the answers of a device with factory settings, in text and in binary
     b"U": (b"0", 0), b"R": (b"4", 4), b"Z": (b"0", 0), b"\x05": (b"0", 0), b"@B": (b"1", 1),
     b"G": (b"   0.000    0.000    0.000 ", (0, 0, 0)),
     b"X": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
@@ -72,8 +72,8 @@ def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
     return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
 
 
-def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
-    """The orientation goes on; no flip while the hemisphere follows the receiver."""
+def test_a_receiver_that_leaves_the_hemisphere_is_mirrored() -> None:
+    """Its orientation is unchanged; there is no flip if the hemisphere follows the receiver."""
     motion = flat(np.linspace(100, -100, 200))
     true = motion.position_mm[:, 0] / 10
     seen = measured_cm(EmulatedLiberty(motion, frozenset({1})), 200)
@@ -86,7 +86,7 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
 
 
 @pytest.mark.parametrize("items", [FULL_LIST, (2, 7)])
-def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
+def test_decoders_read_the_emulators_data(items: tuple[int, ...]) -> None:
     tracker = device()
     chosen = ",".join(map(str, items)).encode()
     translated(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
