@@ -14,7 +14,7 @@ from shukotsu.coach.study import hand_alone
 
 
 @pytest.mark.slow
-def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
+def test_the_page_shows_hand_joints_and_advice_and_refreshes(
     watched_page: WatchedPage, tmp_path: Path
 ) -> None:
     coach, path, page = Coach(hand_alone(None, "right")), tmp_path / "page.html", watched_page.page
