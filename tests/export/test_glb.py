@@ -147,9 +147,7 @@ def test_blender_reads_every_joint_and_the_mesh(
 
 
 @pytest.mark.tools
-def test_fbx_made_by_blender_has_every_joint(
-    hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool
-) -> None:
+def test_blenders_fbx_has_every_joint(hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool) -> None:
     motion, glb, fbx = hand.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
     write(motion, glb)
     script = tmp_path / "fbx.py"

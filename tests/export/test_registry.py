@@ -87,9 +87,7 @@ def test_a_missing_pose_is_refused_without_a_file(name: str, tmp_path: Path) -> 
         ([0.0, 0.1, 0.2, 0.15, 0.3], "does not grow from frame 9 to the next"),
     ],
 )
-def test_times_that_do_not_grow_are_refused(
-    name: str, times: list[float], message: str, tmp_path: Path
-) -> None:
+def test_times_must_increase(name: str, times: list[float], message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         write(timed(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
     assert not list(tmp_path.iterdir())

@@ -66,9 +66,7 @@ class Constrained(JointSolving):
     made_up_mm: float
 
 
-def test_parts_with_other_settings_are_solved_separately(
-    poses: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_with_other_settings_are_solved_apart(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two models that differ in one new key alone are solved separately, each with its value."""
     solve = part_solutions.solve_recordings
 

@@ -105,9 +105,7 @@ def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], fl
         ((0, 0, 0, 0), "all zeros .*zeros for missing values must be left empty"),
     ],
 )
-def test_a_quaternion_off_unit_norm_is_refused_with_its_row(
-    quaternion: tuple[float, ...], message: str
-) -> None:
+def test_a_quaternion_off_unit_norm_is_refused(quaternion: tuple[float, ...], message: str) -> None:
     """The row named is the first in the file, not in the table; the number of further ones is given."""
     bad = (0.0, 0.0, 0.0, *quaternion)
     samples = samples_of(("thumb", 4, 0, GOOD), ("thumb", 3, 0, bad), ("hand", 3, 0, bad))

@@ -98,9 +98,7 @@ def test_any_name_becomes_one_safe_part_of_a_path(name: str) -> None:
         (("01 right a both a.csv",), "particpants: no.tsv\n", "unknown key 'particpants'.*'participants'"),
     ],
 )  # fmt: skip
-def test_a_contradictory_study_is_refused(
-    tmp_path: Path, rows: tuple[str, ...], more: str, message: str
-) -> None:
+def test_contradictions_are_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         study(tmp_path, *rows, more=more)
 

@@ -68,9 +68,7 @@ Disk = namedtuple("Disk", ("f_bavail", "f_frsize", "f_files", "f_favail"))
         ("", "out.parquet: cannot be written (No space left on device); make room and run again"),
     ],
 )
-def test_a_log_has_the_reason_of_a_failure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str
-) -> None:
+def test_a_log_has_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
     log = tmp_path / "a.log"
     log.write_text(text)
     for disk in (Disk(0, 4096, 9, 9), Disk(99, 4096, 9, 0)):

@@ -137,7 +137,7 @@ def test_a_bad_cell_is_refused_with_its_line_and_column(
         (TWO_ROWS.encode() + ROW.format(frame=9, segment="\xe9").encode("latin-1"), "line 4: is not UTF-8"),
     ],
 )
-def test_a_csv_file_of_another_kind_is_refused(tmp_path: Path, content: str | bytes, message: str) -> None:
+def test_a_foreign_csv_file_is_refused(tmp_path: Path, content: str | bytes, message: str) -> None:
     refuse(write(tmp_path, content), message)
 
 
@@ -168,9 +168,7 @@ def parquet(tmp_path: Path, **changes: object) -> Path:
         ({"qw": None}, "column qw is missing"),
     ],
 )
-def test_a_parquet_file_of_another_kind_is_refused(
-    tmp_path: Path, changes: dict[str, object], message: str
-) -> None:
+def test_a_foreign_parquet_file_is_refused(tmp_path: Path, changes: dict[str, object], message: str) -> None:
     refuse(parquet(tmp_path, **changes), message)
 
 

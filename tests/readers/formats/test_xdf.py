@@ -52,9 +52,7 @@ def test_a_header_with_expanding_entities_is_refused(tmp_path: Path) -> None:
         read(tmp_path, xdf_of(pose_stream(1, bomb + head, TIMES, VALUES)))
 
 
-def test_a_file_that_expands_beyond_memory_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_expands_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xdf_streams, "MEMORY_BYTES", 1000)
     refuse(
         tmp_path, gzip.compress(PLAIN + bytes(100_000)), r"more than 0 MB; unpack it with gunzip to an \.xdf"

@@ -70,9 +70,7 @@ def seen(page: WatchedPage) -> dict[str, Any]:
     return picture
 
 
-def test_it_draws_seeks_plays_and_obeys_keys(
-    watched_page: WatchedPage, file: Path, shown: HandMotion
-) -> None:
+def test_it_draws_seeks_and_obeys_keys(watched_page: WatchedPage, file: Path, shown: HandMotion) -> None:
     watched_page.page.add_init_script(CLOCK)
     page = opened(watched_page, file)
     draws_every_point_at_its_recorded_position(page, shown)
