@@ -29,7 +29,7 @@ MAY_BE_EMPTY = ("movement_cycles", "cycle_curves", "moved_receivers", "event_str
 ALONE = "fitted without the left hand's bone lengths: "
 
 
-def find(subject: PlannedSubject, **finding: str) -> None:
+def write_finding(subject: PlannedSubject, **finding: str) -> None:
     keys = {"subject": "01", "session": "", "hand": "left", "trial": ""}
     rows = [keys | finding_of_text("units", SUSPECT, "In inch.").columns | finding] if finding else []
     table = subject.plan_file.with_name("findings.parquet")
@@ -56,7 +56,7 @@ def recorded_subject(folder: Path, recordings: Sequence[tuple[str, str, str]]) -
 def alone(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
     """The right hand of a person without recordings of the left hand."""
     subject = recorded_subject(tmp_path_factory.mktemp("alone"), RIGHT)
-    find(subject)
+    write_finding(subject)
     return run(subject)
 
 
@@ -93,7 +93,7 @@ def test_a_finding_on_one_hand_does_not_change_the_other(
     both: Path, alone: PlannedSubject, tmp_path: Path, task: str, severity: str
 ) -> None:
     subject = PlannedSubject(both).copied(tmp_path)
-    find(subject, task=task, severity=severity)
+    write_finding(subject, task=task, severity=severity)
     assert_right_hand_equals_one_alone(run(subject), alone)
     assert notes(subject) == {f"{ALONE}there is a finding on the left hand's {task}"}
 
@@ -102,7 +102,7 @@ def test_an_unreadable_recording_does_not_change_the_other_hand(
     both: Path, alone: PlannedSubject, tmp_path: Path
 ) -> None:
     subject = PlannedSubject(both).copied(tmp_path)
-    find(subject)
+    write_finding(subject)
     parameters = {"subject": "01", "hand": "left", "task": "opposition", "trial": ""}
     write_failure(subject.poses("opposition", "left"), POSES, "b.csv: is cut", Provenance((), parameters))
     assert_right_hand_equals_one_alone(run(subject), alone)
@@ -113,7 +113,7 @@ def test_hands_without_findings_share_their_lengths(
     both: Path, alone: PlannedSubject, tmp_path: Path
 ) -> None:
     subject = PlannedSubject(both).copied(tmp_path)
-    find(subject, task="rom", severity="note")
+    write_finding(subject, task="rom", severity="note")
     assert subject.fit("right") == 0
     assert notes(subject) == {""}
     sds = [

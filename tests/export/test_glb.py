@@ -167,7 +167,7 @@ def complaints(page: Any) -> list[str]:
     return heard
 
 
-def ours(words: str) -> bool:
+def is_about_the_page(words: str) -> bool:
     """Return whether a message is about the page and not about slow software rendering."""
     return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
 
@@ -190,7 +190,7 @@ def test_the_guides_page_shows_the_moving_hand(
             seen.append(page.locator("output").text_content())
         picture = page.screenshot()
         page.close()
-    assert [words for words in heard if ours(words)] == []
+    assert [words for words in heard if is_about_the_page(words)] == []
     assert len(picture) > 5000, "a page without a hand is smaller"
     tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
     apart_mm, time_s = (tips[:, 0] - tips[:, 1]).T, motion.time_s - motion.time_s[0]

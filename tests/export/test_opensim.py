@@ -84,7 +84,7 @@ def test_opensim_reads_every_bone_at_the_motions_pose(
             np.testing.assert_allclose(measured, motion.receivers.position_mm[:, number], atol=1e-6)
 
 
-def riding(motion: PosedRecording) -> PosedRecording:
+def with_rigid_receivers(motion: PosedRecording) -> PosedRecording:
     """Return the motion with receivers fixed rigidly to their bones, the last one invalid in two frames."""
     there = motion.receivers
     position_mm, turn = there.position_mm.copy(), there.quaternion.copy()
@@ -110,7 +110,7 @@ def test_opensims_inverse_kinematics_gives_the_same_angles(
     receiver; one frame without any receiver is left out.
     """
     motion = with_hinges(hand.ready(FITTED), HINGES)
-    motion = blanked(riding(motion.take(slice(0, 240, 12))), receivers=11)
+    motion = blanked(with_rigid_receivers(motion.take(slice(0, 240, 12))), receivers=11)
     write(motion, tmp_path / "hand.osim")
     seen = read_with_opensim(export_tool, tmp_path / "hand", "--ik")
     assert seen["ik_ran"]

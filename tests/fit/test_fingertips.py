@@ -171,7 +171,7 @@ def test_pad_contacts_are_found_and_improve_the_pads(person: Person) -> None:
     np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
 
 
-def acted(tips: Fingertips, pads_mm: Array) -> Poses:
+def scripted_poses(tips: Fingertips, pads_mm: Array) -> Poses:
     """Return poses of receivers that never turn, with the pads at given positions (T, 5, 3) in mm."""
     position = pads_mm - np.array([tip.pad_mm for tip in tips.digits.values()])
     time, still = np.arange(len(pads_mm)), np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
@@ -193,7 +193,7 @@ def test_a_contact_is_the_nearest_pad_held_close(person: Person) -> None:
     pads[:, 1, 0] = away
     pads[:, 2, 0] = away + 3.0
     pads[between, 3, 0] = np.linspace(-80, 80, 200)
-    contacts = find_contacts(tips, acted(tips, pads))
+    contacts = find_contacts(tips, scripted_poses(tips, pads))
     assert [contact.digits[1] for contact in contacts] == ["index", "index"]
     for contact in contacts:
         apart = (
@@ -205,7 +205,7 @@ def test_a_contact_is_the_nearest_pad_held_close(person: Person) -> None:
         np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
         assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
         assert 5 <= len(apart) < 30
-    assert find_contacts(tips, acted(tips, pads[:5])) == []
+    assert find_contacts(tips, scripted_poses(tips, pads[:5])) == []
 
 
 def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:

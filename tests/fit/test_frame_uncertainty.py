@@ -38,7 +38,7 @@ def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedH
     return poses, pose_hand(tips.fit, poses)
 
 
-def stated(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
+def stated_errors(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
     return posed_errors(tips, posed, tips.fit.convention.frames(poses))
 
 
@@ -81,7 +81,7 @@ def test_error_derivatives_equal_posing_with_a_changed_hand(tips: Fingertips, wo
 def test_errors_agree_with_the_stated_ones(tips: Fingertips, worn: tuple[str, ...]) -> None:
     """Nearly all centres and PIP angles are within their stated 95 % bounds, which are not far too wide."""
     poses, posed = task_of(tips, worn)
-    errors = stated(tips, poses, posed)
+    errors = stated_errors(tips, poses, posed)
     side = "left" if tips.fit.convention.left else "right"
     truth = recorded(side, "opposition", seed=4, n_frames=1600)[0].truth
     rows, places = slice(0, None, 80), [BONES.index(name) for name in posed.bones]
@@ -103,8 +103,8 @@ def test_unposed_frames_have_no_error_and_a_lost_receiver_raises_it(tips: Finger
     valid[3, 1:] = False
     valid[7, poses.index("ring_distal")] = False
     lossy = replace(poses, valid=valid)
-    errors = stated(tips, lossy, pose_hand(tips.fit, lossy))
-    whole = stated(tips, poses, pose_hand(tips.fit, poses))
+    errors = stated_errors(tips, lossy, pose_hand(tips.fit, lossy))
+    whole = stated_errors(tips, poses, pose_hand(tips.fit, poses))
     for values in (errors.centre_mm, errors.turn_deg, errors.tips_mm, errors.angles_deg["index_pip"]):
         assert np.isnan(values[3]).all()
         assert np.isfinite(np.delete(values, 3, 0)).all()
@@ -120,7 +120,7 @@ def test_errors_between_sessions_of_one_hand_are_smaller(tips: Fingertips) -> No
     a posture that stays the same has no error.
     """
     poses, posed = task_of(tips)
-    errors = stated(tips, poses, posed)
+    errors = stated_errors(tips, poses, posed)
     for joint, sd_deg in errors.angles_deg.items():
         assert (errors.session_deg[joint] < sd_deg).all()
         assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()

@@ -124,7 +124,7 @@ def measured(
     return Frames(rotation, position, valid)
 
 
-def walked(branch: Branch, point: Point) -> Reached:
+def computed_step_by_step(branch: Branch, point: Point) -> Reached:
     """Compute a branch's poses and axes step by step as products of matrices."""
     (n_frames, _), (R, t), left = point.y.shape, (point.root, point.root_mm), list[tuple[Array, Array]]()
     reached = Reached(*(np.empty((n, n_frames, *shape)) for n, shape in (
@@ -171,7 +171,7 @@ def test_compiled_residuals_equal_numpy(seed: int, n_frames: int) -> None:
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
     frame_cost = problem.temper * (y_off**2).sum(1) / 2
     for each, branch, receivers in zip(computed.branches, problem.branches, problem.receivers, strict=True):
-        reached = walked(branch, point)
+        reached = computed_step_by_step(branch, point)
         for name in ("rotation", "position_mm", "axis", "origin_mm"):
             assert_same(getattr(each.reached, name), getattr(reached, name))
         for i, (mark, s) in enumerate(receivers):

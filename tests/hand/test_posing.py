@@ -17,7 +17,7 @@ from shukotsu.tables.poses import Poses
 
 N_FRAMES = 30
 LAYOUT = read_layout("liberty16")
-RIDDEN, FITTED = read_model("paper-fig4"), read_model("whole-hand")
+REPLAYED, FITTED = read_model("paper-fig4"), read_model("whole-hand")
 X, Y, Z = np.eye(3)
 
 
@@ -59,7 +59,7 @@ def random_skeleton(seed: int = 2) -> Skeleton:
                 row = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
             length_mm = float(np.linalg.norm(vector))
             bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **row}
-    return Skeleton(LAYOUT, RIDDEN, joints, bones)
+    return Skeleton(LAYOUT, REPLAYED, joints, bones)
 
 
 def random_metacarpals(seed: int = 3) -> dict[str, np.ndarray]:
@@ -76,18 +76,18 @@ def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
 
 
 @pytest.fixture
-def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
+def replayed() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
     skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
     return skeleton, poses, metacarpals, receiver_bones(skeleton, poses, metacarpals)
 
 
 def test_joints_move_rigidly_with_their_receivers(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+    replayed: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
     """They are at the child's centres q; fingers start at the wrist, the thumb at the CMC joint's centre
     p.
     """
-    skeleton, poses, _, bones = ridden
+    skeleton, poses, _, bones = replayed
     for index, joint in enumerate(bones.joints):
         segment, point = joint.segment, np.zeros(3)
         if not joint.tip:
@@ -102,9 +102,9 @@ def test_joints_move_rigidly_with_their_receivers(
 
 
 def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+    replayed: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
-    skeleton, poses, metacarpals, bones = ridden
+    skeleton, poses, metacarpals, bones = replayed
     for index, joint in enumerate(bones.joints):
         if joint.tip or not joint.digit:
             continue
@@ -136,7 +136,7 @@ def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
     assert bones.left_out == {"ring": "ring_dip failed: too few frames (3)"}
     assert len(bones.joints) == 20
     assert bones.joints[bones.index("little_pip")].parent == bones.index("little_mcp")
-    points = digit_points(LAYOUT.digits["ring"], LAYOUT, RIDDEN, skeleton.joints)
+    points = digit_points(LAYOUT.digits["ring"], LAYOUT, REPLAYED, skeleton.joints)
     assert [point.name for point in points] == ["wrist", "ring_mcp", "ring_pip", "ring_dip", "ring_tip"]
     assert [bool(point.segment) for point in points] == [True, True, True, False, True], (
         "the other points are known"

@@ -60,7 +60,7 @@ LAYOUT = read_layout("liberty16")
 SINCE = 400
 
 
-def broken(poses: Poses, position_mm: np.ndarray, quaternion: np.ndarray) -> list[Break]:
+def breaks_of(poses: Poses, position_mm: np.ndarray, quaternion: np.ndarray) -> list[Break]:
     numbers = np.concatenate([position_mm, quaternion], -1)
     links = [(joint.parent_receiver, joint.child) for joint in LAYOUT.solvable]
     names = list(poses.segments)
@@ -88,7 +88,7 @@ def fallen(poses: Poses, *segments: str, since: int = SINCE, fall: int = 1) -> t
 @pytest.mark.parametrize("fall", [1, 60])
 def test_a_receiver_that_falls_off_is_detected_with_its_frame(segment: str, fall: int) -> None:
     poses = hand_of(7).poses
-    (event,) = broken(poses, *fallen(poses, segment, fall=fall))
+    (event,) = breaks_of(poses, *fallen(poses, segment, fall=fall))
     assert (event.segments, event.until) == ((segment,), False)
     assert 0 <= event.frame - poses.frame[SINCE] <= (0 if fall == 1 else fall)
 
@@ -99,9 +99,9 @@ def test_two_receivers_that_fall_off_are_both_detected() -> None:
     later_mm, later = fallen(poses, "ring_middle", since=600)
     column = poses.index("ring_middle")
     position_mm[:, column], quaternion[:, column] = later_mm[:, column], later[:, column]
-    named = [(event.segments, event.frame) for event in broken(poses, position_mm, quaternion)]
+    named = [(event.segments, event.frame) for event in breaks_of(poses, position_mm, quaternion)]
     assert named == [(("index_distal",), poses.frame[300]), (("ring_middle",), poses.frame[600])]
-    together = broken(poses, *fallen(poses, "index_middle", "index_distal"))
+    together = breaks_of(poses, *fallen(poses, "index_middle", "index_distal"))
     assert {name for event in together for name in event.segments} == {"index_middle", "index_distal"}
 
 
@@ -110,7 +110,7 @@ def test_a_change_of_unit_is_a_change_of_all_receivers(factor: float) -> None:
     poses = hand_of(7).poses
     position_mm = poses.position_mm.copy()
     position_mm[SINCE:] *= factor
-    (event,) = broken(poses, position_mm, poses.quaternion)
+    (event,) = breaks_of(poses, position_mm, poses.quaternion)
     assert (event.segments, event.frame, event.until) == (poses.segments, poses.frame[SINCE], False)
     assert event.grown == pytest.approx(factor, rel=0.1)
 
@@ -122,5 +122,5 @@ def test_small_or_temporary_displacements_are_not_sudden_changes() -> None:
     slipped[SINCE:, column] += 5.0
     away[SINCE : SINCE + 60, column] += 60.0
     for position_mm in (poses.position_mm, slipped, away, -poses.position_mm):
-        assert broken(poses, position_mm, poses.quaternion) == []
-    assert broken(poses, poses.position_mm, poses.quaternion[..., [1, 2, 3, 0]]) == []
+        assert breaks_of(poses, position_mm, poses.quaternion) == []
+    assert breaks_of(poses, poses.position_mm, poses.quaternion[..., [1, 2, 3, 0]]) == []

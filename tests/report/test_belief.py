@@ -67,7 +67,7 @@ def test_the_wanted_error_is_listed_for_each_layout() -> None:
     assert wanted_text([arm, hand], 3.0) == "6 or 30"
 
 
-def _with(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
+def _with_changed_row(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
     def of(row: dict[str, Any]) -> dict[str, Any]:
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
@@ -94,7 +94,7 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
 def test_verdict_and_reasons_follow_from_the_row(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
-    table = joint_table(_with(fitted, model, "index_pip", **changes), LEFT, model)
+    table = joint_table(_with_changed_row(fitted, model, "index_pip", **changes), LEFT, model)
     (row,) = (row for row in table.blocks[0].rows if ">index_pip<" in row[0] or row[0] == "index_pip")
     assert (row[1], row[-1]) == (believed, why)
 

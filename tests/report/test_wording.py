@@ -105,7 +105,7 @@ def test_untranslatable_sentences_are_marked_as_english() -> None:
     assert page == '<p title="Rain fell"><span lang="en">Rain fell & wet</span></p>'
 
 
-class _Said(HTMLParser):
+class _PageTexts(HTMLParser):
     """Collects a page's texts except those marked as English, its configuration and its references."""
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ NAMES = ("Modeling of Hand Skeletal Structure", "no such file", "axis is 4 deg f
 
 
 def _english_left(page: str) -> list[str]:
-    reader = _Said()
+    reader = _PageTexts()
     reader.feed(page)
     sentence = re.compile(r"\b[a-z]+ [a-z]+ [a-z]+ [a-z]+\b")
     return [

@@ -23,7 +23,7 @@ def estimate(data: np.ndarray, session: str, hand: str, *recordings: str, whole:
     return Estimate(session, hand, frozenset(recordings), whole, 40.0, sd_mm, pulls)
 
 
-def drawn_difference_mm(n_same: int) -> float:
+def simulated_difference_mm(n_same: int) -> float:
     """Return the sd of the difference between two fits of simulated people; n_same : number of shared
     unknowns.
     """
@@ -40,7 +40,7 @@ def drawn_difference_mm(n_same: int) -> float:
 def test_the_expected_difference_is_that_of_simulated_estimates(across: str, n_same: int) -> None:
     first, second = (estimate(data, "1", "right") for data in DATA)
     side_mm = SIDE_SD * 40.0 if across == "hand" else 0.0
-    expected = np.hypot(drawn_difference_mm(n_same), side_mm)
+    expected = np.hypot(simulated_difference_mm(n_same), side_mm)
     assert difference_sd_mm(first, second, across) == pytest.approx(expected, rel=0.02)
 
 

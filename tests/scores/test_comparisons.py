@@ -30,7 +30,7 @@ PAIR = ("whole-hand", "paper-fig4")
 JOINT_ERROR, _, TRUE_TIP, _, REPLAY = METRICS
 
 
-def seen_of(values: Iterable[Sequence[float]], digit: str = "index") -> list[Observation]:
+def observations_of(values: Iterable[Sequence[float]], digit: str = "index") -> list[Observation]:
     """Return one observation per subject and model of PAIR."""
     return [
         Observation(f"S{subject:02}", model, digit, "right hand, rom", value)
@@ -78,7 +78,7 @@ def missing(compared: ComparedModels, subject: str) -> dict[str, dict[str, int]]
 
 def test_a_subject_counts_once_with_any_number_of_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hands, tasks and digits are averaged within a subject before subjects are averaged."""
-    seen = seen_of([(1.0, 2.0), (2.0, 2.0), (2.0, 4.0)])
+    seen = observations_of([(1.0, 2.0), (2.0, 2.0), (2.0, 4.0)])
     seen += [
         Observation("S00", model, digit, recording, value)
         for digit, recording in product(("index", "ring"), ("left hand, rom", "right hand, grip, trial 2"))
@@ -121,8 +121,8 @@ def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.M
     """Comparisons over all digits and those of single digits are two families, which include comparisons with
     too few subjects but none without any.
     """
-    seen = seen_of([(1.0, 2.0 + 0.1 * s) for s in range(8)])
-    seen += seen_of([(1.0, 2.0), (1.0, 3.0)], "ring")
+    seen = observations_of([(1.0, 2.0 + 0.1 * s) for s in range(8)])
+    seen += observations_of([(1.0, 2.0), (1.0, 3.0)], "ring")
     seen += [Observation("S00", "rigid", "thumb", "right hand, rom", 3.0)]
     rows = with_baseline(compare(seen, monkeypatch, (*PAIR, "rigid")))
     assert rows[PAIR[0], ALL_DIGITS]["p_holm"] == pytest.approx(2 / 256)

@@ -129,13 +129,13 @@ def test_mean_squares_equal_those_of_least_squares() -> None:
     n, k = JUDGES.shape
     of_rows, of_columns = np.kron(np.eye(n), np.ones((k, 1))), np.kron(np.ones((n, 1)), np.eye(k))
 
-    def left(design: np.ndarray) -> float:
+    def residual(design: np.ndarray) -> float:
         fitted = design @ np.linalg.lstsq(design, JUDGES.ravel(), rcond=None)[0]
         return float(((JUDGES.ravel() - fitted) ** 2).sum())
 
-    both = left(np.hstack([of_rows, of_columns]))
+    both = residual(np.hstack([of_rows, of_columns]))
     assert mean_squares(JUDGES) == pytest.approx(
-        ((left(of_columns) - both) / 5, (left(of_rows) - both) / 3, both / 15)
+        ((residual(of_columns) - both) / 5, (residual(of_rows) - both) / 3, both / 15)
     )
 
 

@@ -218,7 +218,7 @@ def test_a_failed_part_is_recorded_in_every_table(
 # --- how a process ends ------------------------------------------------------------------------------------
 
 
-def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
+def run_as_command(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run code as a command in a separate process that ends as every command does."""
     code = (
         "import sys, os, signal, time; from pathlib import Path; from shukotsu import command_line\n"
@@ -233,7 +233,9 @@ def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_full_standard_output_ends_with_one_sentence(unbuffered: str) -> None:
     with Path("/dev/full").open("w") as full:
-        done = ended("print('a line')", stdout=full, env=os.environ | {"PYTHONUNBUFFERED": unbuffered})
+        done = run_as_command(
+            "print('a line')", stdout=full, env=os.environ | {"PYTHONUNBUFFERED": unbuffered}
+        )
     assert done.returncode == 2
     assert done.stderr.startswith("error: standard output")
     assert done.stderr.count("\n") == 1
@@ -244,7 +246,7 @@ def test_an_interrupted_command_leaves_no_file_or_traceback(tmp_path: Path, numb
     write = "from shukotsu.tables.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as half: "
     work = f"{write}half.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
-    done = ended(
+    done = run_as_command(
         work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL)
     )  # in case the caller ignores it
     assert done.returncode == code
@@ -256,13 +258,15 @@ def test_libraries_use_one_thread_in_any_environment() -> None:
     """With two threads the last digits of a sum of a million numbers would differ."""
     work = "import numpy as np; x = np.random.default_rng(1).normal(size=10**6); print((x @ x).hex())"
     threads = [dict.fromkeys(command_line.ONE_THREAD, number) for number in "12"]
-    first, second = (ended(work, stdout=subprocess.PIPE, env=os.environ | each).stdout for each in threads)
+    first, second = (
+        run_as_command(work, stdout=subprocess.PIPE, env=os.environ | each).stdout for each in threads
+    )
     assert first == second != ""
 
 
 def test_a_closed_pipe_ends_the_command_silently() -> None:
     reading, writing = os.pipe()
     os.close(reading)
-    done = ended("print('a line', flush=True)", stdout=writing)
+    done = run_as_command("print('a line', flush=True)", stdout=writing)
     os.close(writing)
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")

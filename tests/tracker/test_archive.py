@@ -110,7 +110,7 @@ def test_a_damaged_batch_does_not_affect_the_others(tmp_path: Path) -> None:
         assert len(kept) >= len(rows) - 4
         lost = sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces)
         assert (lost > 0) == (len(kept) < len(rows))
-        _, pieces = grown(bytes(hurt), tmp_path / "b.arrows", 800)
+        _, pieces = followed_while_growing(bytes(hurt), tmp_path / "b.arrows", 800)
         assert [data for piece in pieces for data in piece.data] == kept, "read while it grows"
         assert sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces) == lost
         (tmp_path / "b.arrows").unlink()
@@ -173,7 +173,7 @@ def test_a_killed_writer_leaves_every_flushed_row(tmp_path: Path) -> None:
     assert len(kept) > flushed
 
 
-def grown(
+def followed_while_growing(
     whole: bytes, path: Path, step: int, hidden: range = range(0)
 ) -> tuple[FollowedArchive, list[Piece]]:
     """Follow a file that grows in steps; the bytes `hidden` are zeros until the bytes after them are
@@ -193,7 +193,7 @@ def grown(
 @pytest.mark.parametrize(("step", "hidden"), [(41, range(0)), (800, range(0)), (41, range(4000, 4300))])
 def test_following_a_growing_archive_gives_the_same_rows(tmp_path: Path, step: int, hidden: range) -> None:
     path = written(tmp_path / "a.arrows")
-    followed, pieces = grown(path.read_bytes(), tmp_path / "b.arrows", step, hidden)
+    followed, pieces = followed_while_growing(path.read_bytes(), tmp_path / "b.arrows", step, hidden)
     assert [data for piece in pieces for data in piece.data] == data_of(path)
     assert sum(piece.spoilt_bytes + piece.unreadable_bytes + piece.missing_rows for piece in pieces) == 0
     assert followed.about == {"port": "made up"}

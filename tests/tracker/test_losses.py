@@ -75,7 +75,7 @@ def sent_by(kind: str, out: tuple[int, float, float]) -> list[Sent]:
     return sent
 
 
-def through(sent: list[Sent], gaps: list[tuple[float, float, bool]]) -> list[Sent]:
+def with_losses(sent: list[Sent], gaps: list[tuple[float, float, bool]]) -> list[Sent]:
     """Remove the data sent in gaps (from [s], to [s], whether bytes rather than whole records are lost)."""
     hit = [[cuts for a, b, cuts in gaps if a <= record.time_s < b] for record in sent]
     line = []
@@ -157,7 +157,7 @@ def check_session(path: Path, kind: str, seed: int) -> float:
     if count == 1 or draw.random() < 0.5:
         out = (0, 0.0, 0.0)
     stalls = alone(stall_s)
-    line = through(sent_by(kind, out), gaps)
+    line = with_losses(sent_by(kind, out), gaps)
     stations = tuple(range(1, count + 1))
     lists = dict.fromkeys(stations, items) if items else {}
     settings = StreamSettings(family, "binary", "cm", float(rate_hz), stations, lists)

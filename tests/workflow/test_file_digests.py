@@ -29,7 +29,7 @@ def reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def kept(*paths: str) -> str:
+def kept_digest(*paths: str) -> str:
     digests = FileDigests(Path("cache.json"))
     digest = digests.of(paths)
     digests.changes("study", {path: digests.sha256(path) for path in paths})
@@ -53,16 +53,16 @@ def test_a_changed_replaced_or_removed_file_is_noticed(
     reads: list[str], change: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_digests, "SETTLED_NS", 0)
-    before = kept("a")
-    assert kept("a") == before
+    before = kept_digest("a")
+    assert kept_digest("a") == before
     assert reads == ["a"], "read only once"
     change()
-    assert kept("a") != before
+    assert kept_digest("a") != before
 
 
 def test_a_recently_changed_file_is_read_again(reads: list[str]) -> None:
     """It may change again within one tick of a coarse clock, with the same times."""
-    assert kept("a") == kept("a")
+    assert kept_digest("a") == kept_digest("a")
     assert reads == ["a", "a"]
 
 
