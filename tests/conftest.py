@@ -51,7 +51,7 @@ def pytest_runtest_makereport(
     for note in getattr(call.excinfo and call.excinfo.value, "__notes__", ()):
         if note.startswith("Failing test case: ") and "data(...)" not in note:
             example = " ".join(note[note.index("(") :].split())
-            report.sections.append(("to keep this example, put above its test", f"@example{example}"))
+            report.sections.append(("to keep this example, add above its test", f"@example{example}"))
     return report
 
 

@@ -49,7 +49,7 @@ def test_product_rotates_second_first(first: int, second: int) -> None:
 
 
 @given(SEEDS, arrays(float, 20, elements=st.floats(-3.1, 3.1)))
-def test_about_axis_turns_by_the_right_hand(seed: int, angle: np.ndarray) -> None:
+def test_about_axis_turns_by_the_right_hand_rule(seed: int, angle: np.ndarray) -> None:
     """The result equals scipy's for the rotation vector, and has the same angle."""
     axis = rotations.unit(np.random.default_rng(seed).normal(size=(20, 3)))
     q = rotations.about_axis(axis, angle)

@@ -146,7 +146,7 @@ def test_scores_against_the_truth_equal_direct_comparisons(subject: PlannedSubje
             assert 0 < row["metacarpal_deg"] < 30
 
 
-def test_a_fitted_hand_predicts_the_true_tips_best(results: Results) -> None:
+def test_a_fitted_hand_predicts_the_true_tips(results: Results) -> None:
     """The fitted hand is closer to the true tips than the distal receivers and the paper's skeleton are, and
     its left-out error is larger than its posed error.
     """

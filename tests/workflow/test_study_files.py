@@ -72,7 +72,7 @@ def test_a_subjects_paths_leave_out_excluded_recordings(folder: Path) -> None:
     assert study.plans == [f"results/test/{subject}/plan.json" for subject in (SUBJECT, "sub-02")]
 
 
-def test_a_missing_recording_is_no_input_of_a_job(folder: Path) -> None:
+def test_a_missing_recording_is_not_an_input_of_a_job(folder: Path) -> None:
     """Its import reports it as missing. Simulated recordings are made by a job even if they do not exist."""
     study = files(folder, more=SIMULATION)
     assert study.recording_files(ROM) == []
@@ -91,7 +91,7 @@ def test_a_missing_recording_is_no_input_of_a_job(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a{1}.csv", "a<b>.csv", "{subject}.csv"])
-def test_a_file_with_snakemakes_special_characters_is_no_input(folder: Path, name: str) -> None:
+def test_a_file_with_snakemakes_special_characters_is_not_an_input(folder: Path, name: str) -> None:
     rows = (f"A&b right rom calibration data/{name}", "A&b right pinch both data/b.csv")
     missing = files(folder, *rows).recording_digest(ROM)
     (folder / "study/data").mkdir()

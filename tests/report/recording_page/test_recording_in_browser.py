@@ -30,7 +30,7 @@ CURSOR = """(plot) => {
   const line = document.querySelector(plot + ' .plot-cursor');
   return line.hidden ? null : new DOMMatrix(getComputedStyle(line).transform).e;
 }"""
-# Where in a part of a plot's canvas (left, top, width, height) pixels have a colour, as [x, y] in the part.
+# Positions [x, y] of pixels with a colour in a part (left, top, width, height) of a plot's canvas.
 COLOURED = """([plot, name, left, top, width, height]) => {
   const hex = getComputedStyle(document.querySelector('[data-plots]')).getPropertyValue(name);
   const wanted = hex.match(/[0-9a-f]{2}/gi).map((part) => parseInt(part, 16)), pixels = [];
