@@ -1,8 +1,8 @@
-"""A real browser for tests of pages: the Chromium of the machine, driven by Playwright.
+"""A real browser for tests of pages: the machine's Chromium, driven by Playwright.
 
-A conftest imports what its tests use: `from browser import browser, watched_page`. Pages are files, opened as
-their reader would. A watched page fails its test if it writes an error or a warning to the console, throws,
-or asks for anything but the files that the test opened.
+A conftest imports the fixtures that its tests use: `from browser import browser, watched_page`. Pages are
+opened as files. A watched page fails its test if it writes an error or a warning to the console, throws an
+exception or requests anything but the files that the test opened.
 """
 
 from __future__ import annotations
@@ -21,23 +21,25 @@ if TYPE_CHECKING:
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
-    "--no-sandbox",  # Chromium refuses its sandbox to root, which tests in a container run as
-    "--use-angle=swiftshader",  # drawn by the processor: as slow as it gets, and the same everywhere
+    "--no-sandbox",  # Chromium's sandbox does not work as root, as in containers
+    "--use-angle=swiftshader",  # software rendering: slow, but the same everywhere
     "--enable-unsafe-swiftshader",
 )
 WINDOW = {"width": 1280, "height": 800}
 PATIENCE_MS = 60_000
-"""How long a condition may take to come true on a machine that others use, too."""
+"""Longest wait for a condition, generous for machines under load."""
 PAUSE_MS = 20
 _OPEN = ExitStack()
-"""What runs until the tests end: a driver can start but once, however many conftests import `browser`."""
+"""Resources open until the tests end: a driver can start only once, however many conftests import
+`browser`.
+"""
 
 
 class WatchedPage:
-    """A page whose complaints and requests are kept.
+    """A page whose console messages and requests are recorded.
 
-    console : its errors and warnings so far, thrown ones among them; a test that provokes one takes it out.
-    requests : every address that it asked for. opened : the addresses of the files that the test opened.
+    console : errors, warnings and exceptions so far; a test that provokes one removes it. requests : all
+    requested addresses. opened : the addresses of the files that the test opened.
     """
 
     def __init__(self, page: Page) -> None:
@@ -58,16 +60,18 @@ class WatchedPage:
         self.requests.append(request.url)
 
     def open(self, path: Path) -> None:
-        """Open a file, and wait until it is loaded."""
+        """Open a file and wait until it is loaded."""
         self.opened.add(path.as_uri())
         self.page.goto(path.as_uri())
 
     def value(self, expression: str, argument: Any = None) -> Any:
-        """Value of a JavaScript expression, or of a function of the argument."""
+        """Return the value of a JavaScript expression, or of a function applied to the argument."""
         return self.page.evaluate(expression, argument)
 
     def wait(self, condition: str) -> None:
-        """Wait until a JavaScript expression is true. Playwright's own wait runs text: pages forbid it."""
+        """Wait until a JavaScript expression is true. Playwright's wait evaluates text, which the pages
+        forbid.
+        """
         for _ in range(PATIENCE_MS // PAUSE_MS):
             if self.page.evaluate(condition):
                 return
@@ -75,7 +79,7 @@ class WatchedPage:
         raise AssertionError(f"never came true: {condition}")
 
     def check(self) -> None:
-        """Fail if the page complained, or asked for what was not opened."""
+        """Fail if the page wrote to the console or requested anything that was not opened."""
         assert self.console == []
         foreign = [url for url in self.requests if url.partition("#")[0] not in self.opened]
         assert [url for url in foreign if not url.startswith(("data:", "blob:"))] == []
@@ -83,7 +87,7 @@ class WatchedPage:
 
 @contextmanager
 def watched(browser: Browser, **options: Any) -> Iterator[WatchedPage]:
-    """A new page with nothing remembered, watched to its end; options as of Playwright's new_context."""
+    """Yield a watched page in a new browser context; options are those of Playwright's new_context."""
     context = browser.new_context(**{"viewport": WINDOW, **options})
     try:
         page = WatchedPage(context.new_page())
@@ -102,9 +106,9 @@ def _driver() -> Playwright:
 
 @contextmanager
 def chromium(*options: str) -> Iterator[Browser]:
-    """The Chromium on the path, started with further options; the test is skipped where there is none.
+    """Yield the Chromium on the path, started with further options; skip the test if there is none.
 
-    Ask for the fixture `browser`, too: it ends the driver.
+    The test must also use the fixture `browser`, which stops the driver.
     """
     program = next((path for name in NAMES if (path := shutil.which(name))), None)
     if program is None:
@@ -123,7 +127,7 @@ def _browser() -> Browser:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """One browser for all tests; each test has a page of its own, with nothing remembered."""
+    """One browser for all tests; each test opens its page in a new context."""
     yield _browser()
     _OPEN.close()
 

@@ -1,4 +1,4 @@
-"""Raw captures made field by field, as a LIBERTY would have sent them."""
+"""Raw captures written field by field, as a LIBERTY sends them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def settings(stations: Iterable[int] = (1, 2, 3)) -> StreamSettings:
 
 
 def still(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
-    """A pose that is each frame's and station's own: position in cm, quaternion."""
+    """Return a pose that differs for each frame and station: position in cm and quaternion."""
     return (20 + station, 5 + 0.001 * frame, -3.0), (1.0, 0.0, 0.0, 0.0)
 
 
 def cycle(frame: int, stations: Iterable[int] = (1, 2, 3), pose: Pose = still) -> bytes:
-    """The records of a frame, field by field as a LIBERTY would have sent them."""
+    """Return the records of a frame, written field by field as a LIBERTY sends them."""
     data = b""
     for station in stations:
         position, quaternion = pose(frame, station)

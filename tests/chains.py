@@ -1,7 +1,7 @@
-"""Made-up chains of receivers whose joints are known, from scipy's rotations and not from our own.
+"""Random chains of receivers with known joints, made with scipy's rotations instead of ours.
 
-A chain is a base receiver and, after it, segments joined by hinges (or freer joints); every receiver sits
-on its bone anyhow. Used by the tests of the joint solve, the planes, the metacarpals and the replay.
+A chain is a base receiver followed by segments that are connected by hinges or freer joints; receivers have
+random poses on their bones. Used by the tests of the joint solve, the planes, the metacarpals and the replay.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from shukotsu.tables.poses import Poses, PosesReader
 
 @dataclass(frozen=True)
 class Chain:
-    """Poses of a chain or tree, and per joint its centre p, q (mm) and axis in parent's and child's frame.
+    """Poses of a chain or tree, and each joint's centre (p, q in mm) and axis in the parent's and child's
+    frames.
 
-    parents : per joint the index of its parent segment; joint i has segment i + 1 as its child.
+    parents : index of each joint's parent segment; the child of joint i is segment i + 1.
     """
 
     poses: Poses
@@ -44,7 +45,7 @@ class Chain:
 
 
 def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:
-    """Smooth random motion, (T, C), of about unit size."""
+    """Return smooth random motion (T, C) of about unit size."""
     time = np.linspace(0.0, 2 * np.pi, n_frames)[:, None, None]
     waves = np.arange(1, 5)
     size = rng.normal(size=(n_channels, 4)) / waves**0.5
@@ -53,7 +54,7 @@ def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:
 
 
 def quaternions(rotation: Rotation) -> Array:
-    """(w, x, y, z) of scipy's rotations."""
+    """Return the quaternions (w, x, y, z) of scipy's rotations."""
     return np.asarray(np.roll(rotation.as_quat(), 1, axis=-1))
 
 
@@ -68,10 +69,11 @@ def random_chain(
     in_plane: bool = True,
     parents: tuple[int, ...] | None = None,
 ) -> Chain:
-    """A chain with hinges (and, off_axis_rad > 0, joints that turn a little about other axes too).
+    """Return a random chain of hinges or, if off_axis_rad > 0, of joints that also turn a little about other
+    axes.
 
-    in_plane : every joint centre lies in its child's sagittal plane (y = 0), its axis well across it.
-    parents : makes it a tree; the segment that each segment after the first hangs from, by index.
+    in_plane : put every joint centre into its child's sagittal plane (y = 0), which its axis crosses steeply.
+    parents : for a tree, the index of the parent of each segment after the first.
     """
     parents = parents or tuple(range(n_segments - 1))
     rng = np.random.default_rng(seed)
@@ -104,16 +106,16 @@ def random_chain(
 
 
 def as_poses(segments: tuple[str, ...], position_mm: Array, quaternion: Array) -> Poses:
-    """Poses, all valid, numbered from 1 at 240 Hz."""
+    """Return valid poses with frames numbered from 1 at 240 Hz."""
     frame = np.arange(1, len(position_mm) + 1)
     valid: npt.NDArray[np.bool_] = np.ones(position_mm.shape[:2], bool)
     return Poses(segments, frame, frame / 240.0, position_mm, quaternion, valid)
 
 
 def chain_layout(chain: Chain) -> Layout:
-    """The layout of a chain or tree: a digit to every segment from which nothing hangs, all measured.
+    """Return the layout of a chain or tree, with a digit for every segment without children, all measured.
 
-    A digit starts at the segment that hangs from the base, and is named after its last one.
+    A digit starts at a child of the base and is named after its last segment.
     """
     names = chain.poses.segments
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -137,7 +139,7 @@ def reader_of(*recordings: Poses) -> PosesReader:
 
 
 def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> JointMoments:
-    """Moments of the chain's joints, added in blocks, over its own poses or other ones."""
+    """Return the moments of the chain's joints over its poses or other ones, added in blocks."""
     poses = poses or chain.poses
     moments = JointMoments(len(chain.joints))
     for start in range(0, len(poses.frame), block):
@@ -146,7 +148,7 @@ def moments_of(chain: Chain, poses: Poses | None = None, block: int = 10**6) -> 
 
 
 def gap_rms_mm(poses: Poses, joint: int, p: Array, q: Array) -> float:
-    """Eq. 1-3 written out: the two halves in the transmitter frame, frame by frame."""
+    """Compute the rms gap of Eq. 1-3 directly, from p and q in the transmitter frame in every frame."""
     world = [
         np.einsum("tij,j->ti", matrix(poses.quaternion[:, joint + k]), point)
         + poses.position_mm[:, joint + k]

@@ -1,4 +1,4 @@
-"""Fixtures that every test may use."""
+"""Settings and fixtures for all tests."""
 
 import os
 import re
@@ -11,22 +11,22 @@ import pytest
 import shape_checks
 from hypothesis import settings
 
-shape_checks.install()  # before the library is imported
+shape_checks.install()  # before shukotsu is imported
 
 from shukotsu.errors import InputError  # noqa: E402
 
-# Processes are started by the hundred, in a third of the time where their code has been compiled once.
+# Tests start hundreds of processes, which takes a third of the time with cached bytecode.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-if hasattr(signal, "SIGHUP"):  # which `nohup` has a process, and all that it starts, ignore
+if hasattr(signal, "SIGHUP"):  # ignored under `nohup`, also by child processes
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell has it for what it starts with `&`
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as set by a shell for `&`
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; small matrices gain nothing from threads
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; threads do not help small matrices
 
-# A slow machine is no failure. The same examples every time, but where new ones are searched for.
+# No deadline, so that slow machines do not fail. Examples are fixed except in the profile `search`.
 settings.register_profile("steady", deadline=None, max_examples=15, derandomize=True)
 INPUTS = int(os.environ.get("FUZZ_INPUTS", "100"))
 settings.register_profile("search", deadline=None, max_examples=INPUTS, print_blob=True)
@@ -38,7 +38,7 @@ LONGEST = {"studies", "end_to_end", "test_loose_receivers.py", "test_package.py"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first, lest one of several processes is left with one of them at the end."""
+    """Run the longest files first, so that no parallel worker starts one of them at the end."""
     items.sort(key=lambda item: LONGEST.isdisjoint(item.path.parts))
 
 
@@ -46,12 +46,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_makereport(
     call: pytest.CallInfo[None],
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Print, where an example fails, the line that keeps it."""
+    """Print, for a failing example, the line that would preserve it in the test."""
     report = yield
     for note in getattr(call.excinfo and call.excinfo.value, "__notes__", ()):
         if note.startswith("Failing test case: ") and "data(...)" not in note:
             example = " ".join(note[note.index("(") :].split())
-            report.sections.append(("to keep this example, put above its test", f"@example{example}"))
+            report.sections.append(("to keep this example, add above its test", f"@example{example}"))
     return report
 
 
@@ -68,12 +68,12 @@ INTERNAL = re.compile(
     r"<(class|function|module|bound|_io|built)|object at 0x|Traceback|codec can't|Errno|PosixPath|WindowsPath"
     r"|\b(np|numpy|pa|pyarrow|pd)\.\w|\bdtype\b|(Value|Type|Key|Index|Attribute|Unicode\w+)Error|\bNone\b"
 )
-"""Words of Python and its libraries, which are none of a user's."""
+"""Words of Python and its libraries that must not appear in messages to users."""
 
 
 @pytest.fixture(autouse=True)
 def _refusals_can_be_read(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A test fails during which a refusal is made that a user could not follow."""
+    """Fail a test if any InputError during it has a message with Python internals or no words."""
     plain, made = InputError.__init__, []
 
     def recorded(self: InputError, message: str) -> None:

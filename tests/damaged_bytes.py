@@ -1,4 +1,4 @@
-"""Damage to the bytes of a file, drawn by hypothesis, and what a reader may make of it."""
+"""Random damage to the bytes of a file, and the check that a reader refuses it properly or reads it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOKENS += [b"\r\n", b"\0", b"\t", b": ", b"- ", b"\xff" * 4, b"\x7f\xff\xff\xff"
 
 
 def damaged(data: bytes) -> st.SearchStrategy[bytes]:
-    """Draw the same bytes with up to five stretches gone, exchanged or added to."""
+    """Return a strategy for the bytes with up to five deletions, replacements or insertions."""
     gone, put = st.sampled_from([0, 1, 4, 200]), st.sampled_from(TOKENS) | st.binary(max_size=8)
 
     def apply(edits: list[tuple[int, int, bytes]]) -> bytes:
@@ -28,7 +28,7 @@ def damaged(data: bytes) -> st.SearchStrategy[bytes]:
 
 
 def assert_read_or_refused(read: Callable[[], object]) -> None:
-    """Call a reader: it returns, or refuses in one sentence."""
+    """Check that a reader returns, or raises InputError with one printable sentence."""
     try:
         read()
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Tables of movement whose numbers are drawn: subjects in groups and sessions, with a known effect."""
+"""Simulated tables of movement: subjects in groups and sessions with a known effect."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Row = dict[str, Any]
 JOINTS = ("index_mcp", "index_pip")
 MODELS = ("rigid", "whole-hand")
 EFFECT_DEG = 12.0
-"""What group A moves index_pip more than group B."""
+"""The additional range of index_pip in group A."""
 RETEST_SD_DEG = 2.0
-"""How far a session differs from the subject's own number."""
+"""Sd of sessions about the subject's mean."""
 
 
 def recordings(
     n_subjects: int, sessions: Sequence[str] = ("1", "2", "3"), trials: int = 1, task: str = "play"
 ) -> list[Row]:
-    """Recordings of subjects who are in group A and B in turn, all of one task of the right hand."""
+    """Return recordings of one task of the right hand, of subjects alternately in groups A and B."""
     numbers = [str(trial + 1) for trial in range(trials)] if trials > 1 else [""]
     constant = {"hand": "right", "task": task}
     return [
@@ -34,7 +34,7 @@ def recordings(
 
 
 def ranges(rows: Iterable[Row], seed: int = 1, models: Sequence[str] = MODELS) -> list[Row]:
-    """Rows of ranges_of_motion: the group's effect, the subject's, session's and trial's own part."""
+    """Return rows of ranges_of_motion with effects of group, subject, session and trial."""
     rng = np.random.default_rng(seed)
     parts_deg: dict[tuple[str, ...], float] = {}
     drawn = []
@@ -51,7 +51,7 @@ def ranges(rows: Iterable[Row], seed: int = 1, models: Sequence[str] = MODELS) -
 
 
 def range_row(row: Row, model: str, joint: str, value: float, sd: float | None) -> Row:
-    """A row of ranges_of_motion: its range is `value`."""
+    """Return a row of ranges_of_motion with the range `value` in deg."""
     keys = {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
     numbers = {"range_deg": value, "full_range_deg": value + 3.0, "n_frames": 100}
     errors = {"range_sd_deg": sd, "range_session_sd_deg": sd, "status": "ok", "message": ""}
@@ -59,7 +59,9 @@ def range_row(row: Row, model: str, joint: str, value: float, sd: float | None) 
 
 
 def curves(rows: Iterable[Row], models: Sequence[str] = MODELS) -> list[Row]:
-    """Rows of cycle_curves: subjects differ in level, groups in course; P00's start is missing."""
+    """Return rows of cycle_curves: subjects differ in level, groups in shape; the start is missing for
+    P00.
+    """
     drawn = []
     for n, (row, joint, model) in enumerate(product(rows, JOINTS, models)):
         keys = {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
@@ -79,7 +81,7 @@ def curves(rows: Iterable[Row], models: Sequence[str] = MODELS) -> list[Row]:
 
 
 def write_movement(results: Results, range_rows: Sequence[Row], curve_rows: Sequence[Row] = ()) -> None:
-    """Write the study's tables of movement, those of fingertips empty."""
+    """Write the study's tables of movement, with no fingertip paths."""
     write(results, RANGES_OF_MOTION, range_rows)
     write(results, CYCLE_CURVES, curve_rows)
     write(results, FINGERTIP_PATHS, ())

@@ -1,4 +1,4 @@
-"""A motion drawn by hand: a root and two fingers, of which every pose can be worked out."""
+"""A synthetic motion of a root and two fingers with known poses."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ X, Y, Z = np.eye(3)
 def moving_fingers(
     n_frames: int, *, rate_hz: float = 100.0, seed: int = 1, slip_mm: float = 0.0
 ) -> PosedRecording:
-    """A hand that turns and bends its fingers by more than a right angle; bones of constant length.
+    """Return a hand that turns and bends its fingers by more than a right angle, with bones of constant
+    length.
 
-    slip_mm : how far each joint but the root leaves its rest offset, to and fro.
+    slip_mm : amplitude with which each joint but the root oscillates about its rest offset.
     """
     rng, time_s = np.random.default_rng(seed), np.arange(n_frames) / rate_hz
     rest = np.tile([1.0, 0.0, 0.0, 0.0], (len(JOINTS), 1))
@@ -62,7 +63,7 @@ def timed(motion: PosedRecording, **times: Any) -> PosedRecording:
 
 
 def blanked(motion: PosedRecording, joints: Any = np.s_[:0], receivers: Any = np.s_[:0]) -> PosedRecording:
-    """Return the motion without some poses: joints, receivers index (T, J) and (T, R), as np.s_[3:5, 2]."""
+    """Return the motion without some poses; joints and receivers are indices into (T, J) and (T, R)."""
     seen = motion.receivers
     arrays = motion.position_mm, motion.quaternion, seen.position_mm, seen.quaternion
     bones_mm, bones, seen_mm, seen_turn = (values.copy() for values in arrays)

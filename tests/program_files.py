@@ -1,4 +1,4 @@
-"""Files of the program as they are installed: the package, and what beside it a wheel carries; running it."""
+"""The program's files as installed (the package and the files that a wheel adds), and running the program."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Any
 REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "shukotsu"
 BESIDE = ("Snakefile", "config", "data", "profiles", "schemas", "stages")
-"""What lies beside the package in a checkout, and inside it in a wheel (pyproject.toml)."""
+"""Files and folders beside the package in a checkout, and inside it in a wheel (pyproject.toml)."""
 
 
 def package_files(folder: Path = PACKAGE, suffix: str = "") -> Iterator[Path]:
-    """Return every file of a folder of the program, sorted; none that a run has left."""
+    """Yield the files of a folder of the program in sorted order, except files left by runs."""
     for path in sorted(folder.iterdir()):
         if path.is_dir() and path.name not in ("__pycache__", "recordings"):
             yield from package_files(path, suffix)
@@ -25,7 +25,7 @@ def package_files(folder: Path = PACKAGE, suffix: str = "") -> Iterator[Path]:
 
 
 def program_files(suffix: str = "") -> Iterator[Path]:
-    """Return every file of the program, those beside the package too."""
+    """Yield all files of the program, including those beside the package."""
     for name in ("shukotsu", *BESIDE):
         path = REPOSITORY / name
         if path.is_dir():
@@ -35,7 +35,7 @@ def program_files(suffix: str = "") -> Iterator[Path]:
 
 
 def started(code: str, **how: Any) -> subprocess.Popen[str]:
-    """Start code that has the program to import, and wait until it has printed 1."""
+    """Start Python code that can import the program, and wait until it prints 1."""
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
     pipes = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
     process = subprocess.Popen([sys.executable, "-c", code], env=environment, text=True, **pipes, **how)
@@ -45,7 +45,7 @@ def started(code: str, **how: Any) -> subprocess.Popen[str]:
 
 
 def printed_by(*words: object, **how: Any) -> str:
-    """Run a program to its end; return what it prints."""
+    """Run a program, check that it succeeds and return its standard output."""
     done = subprocess.run(
         [*map(str, words)], capture_output=True, text=True, timeout=1500, check=False, **how
     )
@@ -54,7 +54,7 @@ def printed_by(*words: object, **how: Any) -> str:
 
 
 def run_python(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run Python to its end in a folder from which it imports nothing, with the program to import."""
+    """Run Python in a folder, importing the program but nothing from that folder."""
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "COLUMNS": "100"}
     command = [sys.executable, "-P", *words]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)

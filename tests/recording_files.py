@@ -1,4 +1,6 @@
-"""Recordings read from files of any format, and files that are refused; for the tests of the readers."""
+"""Reading recordings of any format, checking refusals, and writing C3D files, for the tests of the
+readers.
+"""
 
 from __future__ import annotations
 
@@ -21,17 +23,17 @@ from shukotsu.study.mapping import mapping_from_config
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
 WHO = ("--layout=liberty16", "--subject=01", "--hand=right", "--task=rom")
-"""Words of the command `import` that say of whom a recording is."""
+"""Options of `import` that identify a recording."""
 
 
 def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:
-    """Read a recording by the content of a mapping, or by its ending."""
+    """Read a recording by a mapping's content or, without one, by its file extension."""
     checked = None if mapping is None else mapping_from_config(mapping, "mapping.yaml")
     return join_samples(find_parts_reader(path, "auto", checked)(path, layout, checked))
 
 
 def refuse(path: Path, message: str, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> None:
-    """Check that reading fails with one sentence that has the message, a text or a pattern, in it."""
+    """Check that reading fails with one sentence that contains the message, a text or regular expression."""
     with pytest.raises(InputError) as caught:
         read(path, layout, mapping)
     sentence = str(caught.value)
@@ -54,12 +56,12 @@ def write_c3d(path: Path, points: np.ndarray, labels: Sequence[str], first: int 
 
 
 def of(samples: Samples, segment: str) -> np.ndarray:
-    """Which samples are that segment's, (N,)."""
+    """Return whether each sample is of a segment, (N,)."""
     return samples.segment == samples.segments.index(segment)
 
 
 def columns_of(table: PosesTable) -> dict[str, Any]:
-    """Return the columns of a poses table, all segments after each other."""
+    """Return the columns of a poses table, with all segments concatenated."""
     groups = list(table.row_groups(1000))
     columns = {name: [group[name] for group in groups] for name in groups[0]}
     return {

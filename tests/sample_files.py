@@ -1,4 +1,4 @@
-"""Small valid files, as bytes or in a folder: recordings of every format, poses, and events beside them."""
+"""Small valid files, as bytes or in a folder: recordings of every format, poses, and events."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RATE_HZ = 240.0
 
 
 def bytes_of(name: str, write: Callable[[Path], object]) -> bytes:
-    """Return what a function writes into a file of that name."""
+    """Return the bytes that a function writes into a file of a given name."""
     with tempfile.TemporaryDirectory() as folder:
         write(Path(folder, name))
         return Path(folder, name).read_bytes()
@@ -46,14 +46,14 @@ def poses_of(folder: Path, **key: str) -> Path:
 
 
 def records_of(folder: Path, pulses_s: npt.NDArray[np.float64], length_s: float = 0.05) -> Path:
-    """Write a raw capture of one station over 20 s, the sync input on for a while from each pulse."""
+    """Write a raw capture of one station over 20 s, with the sync input on for length_s from each pulse."""
     since_s = np.arange(20 * int(RATE_HZ))[:, None] / RATE_HZ - pulses_s
     on = ((since_s >= 0) & (since_s < length_s)).any(-1)
     return flags_of(folder / "records.arrows", [(frame, 1, int(sync), 0) for frame, sync in enumerate(on)])
 
 
 def flags_of(path: Path, rows: Sequence[tuple[int, int, int, int]]) -> Path:
-    """Write a raw capture of records that are sent when measured; rows : frame, station, sync and button."""
+    """Write a raw capture of records; rows : frame, station, sync and button of each."""
     items, stations = (9, 12, 10, 3, 7), tuple(sorted({station for _, station, _, _ in rows}))
     records = []
     for frame, station, sync, button in rows:
@@ -69,7 +69,7 @@ def midi_of(folder: Path, pulses_s: npt.NDArray[np.float64]) -> Path:
     times += [(time + 0.1, "note_off", key) for time, key in notes]
     file, tick = mido.MidiFile(type=0, tracks=[mido.MidiTrack()]), 0
     for time, status, key in sorted(times):
-        gap = round(2 * file.ticks_per_beat * time) - tick  # 120 quarters a minute
+        gap = round(2 * file.ticks_per_beat * time) - tick  # 120 quarter notes per minute
         file.tracks[0].append(mido.Message(status, note=key, time=gap))
         tick += gap
     file.save(folder / "take.mid")
@@ -93,7 +93,7 @@ def xdf_header(
     field: str = "marker",
     number: str = "double64",
 ) -> bytes:
-    """Return the header of a stream of poses, a channel a number of each owner."""
+    """Return the header of a stream of poses, with a channel for each owner's numbers."""
     channels = "".join(
         f"<channel><label>{owner}_{kind}</label><{field}>{owner}</{field}><type>{kind}</type>"
         f"<unit>{unit if kind.startswith('Position') else ''}</unit></channel>"
@@ -115,7 +115,9 @@ def _xdf_stream(
     samples: Sequence[bytes],
     offsets: Sequence[tuple[float, float]],
 ) -> bytes:
-    """Return a stream's chunks: header, samples two a chunk, clock offsets, footer; NaN times left out."""
+    """Return a stream's chunks: header, samples in pairs, clock offsets and footer; NaN times are left
+    out.
+    """
     of_stream = struct.pack("<I", number)
     data = xdf_chunk(2, of_stream + head)
     stamps = [b"\0" if np.isnan(time) else struct.pack("<Bd", 8, time) for time in time_s]
@@ -164,7 +166,7 @@ def marker_stream(
 
 
 def xdf_of(*streams: bytes) -> bytes:
-    """Return an XDF file of those streams."""
+    """Return an XDF file with the given streams."""
     return b"XDF:" + xdf_chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
 
 
@@ -174,14 +176,14 @@ EVENTS: Mapping[str, Callable[[], bytes]] = {
     "a.xdf": lambda: xdf_of(marker_stream(1, "cues", ["go", "stop"], [1.0, 2.0], [(0.0, 1.0), (5.0, 1.0)])),
     "a.arrows": lambda: bytes_of("records.arrows", lambda path: records_of(path.parent, PULSES_S)),
 }
-"""A small valid file of every kind, by a name of that ending: what tests spoil."""
+"""A small valid file of events of every kind, by file name, for tests to damage."""
 
 # --- recordings -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A file's name and content; mapping : None where the format says enough."""
+    """A file's name and content; mapping : None if the format needs none."""
 
     path: str
     content: bytes
@@ -190,7 +192,7 @@ class Recording:
 
 FRAMES, SEGMENTS = 6, ("hand", "index_proximal")
 DRAWN = np.array([[np.concatenate(pose(frame, station)) for station in (1, 2)] for frame in range(FRAMES)])
-"""Numbers (T, 2, 7) of both segments, mm and quaternions."""
+"""Positions in mm and quaternions (T, 2, 7) of both segments."""
 TIMES_S, VALID, LABELS = np.arange(FRAMES) / 240, np.ones((FRAMES, 2), bool), ["H1", "H2", "H3"]
 TIDY = tidy(Poses(SEGMENTS, np.arange(FRAMES), TIMES_S, DRAWN[..., :3], DRAWN[..., 3:], VALID))
 

@@ -1,6 +1,6 @@
-"""Checks of the shapes that annotations of the library name, in every call of a public function in any test.
+"""Check array shapes against annotations in every call of the numerical rooms' public functions during tests.
 
-Only shapes: mypy checks the rest. `install` comes before the library is imported.
+Other types are checked by mypy. `install` must be called before the package is imported.
 """
 
 import inspect
@@ -18,7 +18,7 @@ ROOMS = ("fit", "hand", "movement", "paper", "scores")
 
 
 def checked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function with the shapes that its annotations name checked in every call, and no more."""
+    """Return the function with its annotated array shapes, and nothing else, checked in every call."""
     shaped = {name: hint for name, hint in function.__annotations__.items() if "Float[" in hint}
     if not shaped:
         return function
@@ -28,12 +28,12 @@ def checked(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class ShapeChecks(MetaPathFinder):
-    """Finder of the modules of the numerical rooms; it wraps their public functions once they are defined."""
+    """Finder that wraps the public functions of the numerical rooms' modules when they are imported."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the spec of a numerical module, with checks; of any other none."""
+        """Return the spec of a numerical module with checks, or None for other modules."""
         spec = PathFinder.find_spec(name, path, target) if name.startswith("shukotsu.") else None
         if spec is None or spec.loader is None or name.split(".")[1] not in ROOMS:
             return None
@@ -50,5 +50,5 @@ class ShapeChecks(MetaPathFinder):
 
 
 def install() -> None:
-    """Check the shapes of what is imported from now on."""
+    """Check shapes in all modules imported from now on."""
     sys.meta_path.insert(0, ShapeChecks())

@@ -1,7 +1,7 @@
-"""Simulated hands as a study with a plan and tables, which have the simulation's own bones.
+"""Simulated hands as a study with a plan and tables of the simulation's true bones.
 
-`paper-fig4` rides on the receivers, skin and all, with the true joints, bones and metacarpals. The posed
-bones and tips of `whole-hand` are the true ones.
+The skeleton of `paper-fig4` has the true joints, bones and metacarpals and moves with the receivers,
+including skin motion. The posed bones and tips of `whole-hand` are the true ones.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Rows = list[dict[str, Any]]
 
 @dataclass(frozen=True)
 class SimulatedHand:
-    """One hand of a subject: the subject's plan, and the simulation that its tables are from."""
+    """One hand of a subject: the subject's plan, and the simulation behind its tables."""
 
     plan_path: Path
     simulated: Simulated
@@ -49,34 +49,34 @@ class SimulatedHand:
 
     @property
     def recording(self) -> Recording:
-        """The hand's one recording."""
+        """The hand's only recording."""
         return self.plan.evaluated(self.simulated.hand)[0]
 
     def motion(self, model: str) -> PosedRecording:
-        """The recording's motion under that model."""
+        """Return the recording's motion under a model."""
         return read_motion(recording_reader(self.plan, self.recording, model))
 
     def ready(self, model: str = FITTED) -> PosedRecording:
-        """The same as a format without gaps is to write it, with y up."""
+        """Return the motion prepared for a format without gaps, with y up."""
         return prepare(self.motion(model), ExportSettings(gaps="cut"), holds_gaps=False, up="y")
 
     def poses(self) -> Poses:
-        """The recording's poses."""
+        """Return the recording's poses."""
         return read_poses(self.plan.poses(self.recording), self.plan.layouts[self.simulated.hand].measured)
 
     def path(self, model: str, table: Table) -> Path:
-        """A table's file."""
+        """Return a table's file."""
         if table in (BONE_POSES, POSED_TIPS):
             return self.plan.table(table.name, self.simulated.hand, model)
         return self.plan.table(table.name)
 
     def rows(self, model: str, table: Table) -> Rows:
-        """Rows of a table of the hand."""
+        """Return the hand's rows of a table."""
         part = self.plan.part(self.simulated.hand, model)
         return list(rows_of(read_part(self.path(model, table), table, part)))
 
     def write(self, model: str, table: Table, rows: Rows | str) -> None:
-        """Put other rows, or a failure's message, in the place of the hand's in a table."""
+        """Replace the hand's part of a table by other rows or a failure's message."""
         path, replaced = self.path(model, table), self.plan.part(self.simulated.hand, model)
         others = {part: rows_of(read_part(path, table, part)) for part in part_metadata(path, table)}
         with parts_writer(path, table, Provenance()) as writer:

@@ -1,4 +1,4 @@
-"""Simulated recordings as poses, every receiver valid in every frame."""
+"""Simulated recordings as poses with all receivers valid in all frames."""
 
 from dataclasses import replace
 from functools import cache
@@ -26,7 +26,7 @@ def recorded(
     forearm: bool = False,
     **realism: float | bool,
 ) -> tuple[Simulated, Poses]:
-    """One hand's recording, with everything that disturbs one but for what `realism` names."""
+    """Return one hand's recording with all disturbances except for the settings in `realism`."""
     disturbed = replace(Realism(), **realism)  # type: ignore[arg-type]
     simulated = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
     return simulated, simulated.poses()
@@ -34,21 +34,21 @@ def recorded(
 
 @cache
 def fitted(side: str = "right") -> HandFit:
-    """Fit the hand of seed 4 quickly, to 1600 frames."""
+    """Return a quick fit of the hand of seed 4 to 1600 frames."""
     poses = recorded(side, seed=4, n_frames=1600)[1]
     return fit_hand([poses], read_layout("liberty16"), side, settings=FitSettings(n_frames=60, rounds=1))
 
 
 @cache
 def hand_of(seed: int, hand: str = "right", task: str = "rom", n_frames: int = 900) -> Planted:
-    """Return a hand without a fault, as the checks take it."""
+    """Return a faultless hand in the form used by the checks."""
     return Planted(recorded(hand, task, seed=seed, n_frames=n_frames)[1], hand)
 
 
 def write_poses(
     path: Path, recording: Simulated | Poses, hand: str, task: str, subject: str = "01", **more: str
 ) -> Path:
-    """Write a recording as the poses table that importing it would give."""
+    """Write a recording as the poses table that an import would produce."""
     poses = recording.poses() if isinstance(recording, Simulated) else recording
     n_frames, n_segments = poses.valid.shape
     columns = {

@@ -1,4 +1,4 @@
-"""A small study on disk: its file and sheets, simulated poses and plans, and its stages in this process."""
+"""A small study on disk: file, sheets, simulated poses and plans, and running its stages in this process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from shukotsu.tables.typed_table import METADATA_KEY, Provenance, Table, read_ta
 from shukotsu.tables.whole_files import write_text
 
 STAGES = ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
-"""From poses to tip errors, in their order."""
+"""The stages from poses to tip errors, in order."""
 HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude\taccept"
 SHEETS = {
     "measurements": "subject\thand\tquantity\tvalue_mm\tsd_mm",
@@ -52,10 +52,10 @@ Row = dict[str, Any]
 def write_study(
     folder: Path, *rows: str, models: Sequence[str] = ("rigid", "paper-fig4"), more: str = "", **sheets: str
 ) -> Path:
-    """Write a study file whose recordings are the rows, their cells separated by blanks ('-' is empty).
+    """Write a study file with recordings given as rows of cells separated by blanks ('-' is an empty cell).
 
-    sheets : text of participants, corrections, measurements and touches, blanks for tabs. more : more lines
-    of the study file.
+    sheets : texts of participants, corrections, measurements and touches, with blanks for tabs. more :
+    further lines of the study file.
     """
     sheet_folder = folder / "sheets"
     sheet_folder.mkdir(parents=True, exist_ok=True)
@@ -73,7 +73,7 @@ def write_study(
 
 
 def write_plans(study_file: Path) -> dict[str, Path]:
-    """Write the plan of every subject, results beside the study file; return the files by subject."""
+    """Write every subject's plan, with results beside the study file, and return the files by subject."""
     study, results = read_study(study_file), Results(study_file.parent / "results")
     plans = StudyPlans(study, results.folder)
     for subject in study.subjects:
@@ -82,7 +82,7 @@ def write_plans(study_file: Path) -> dict[str, Path]:
 
 
 def put(config: Row, key: str, value: Any) -> Row:
-    """Return the configuration with one key, by its dotted path, set; None takes it out."""
+    """Return the configuration with one key, given by its dotted path, set or, for None, removed."""
     changed = copy.deepcopy(config)
     *groups, last = key.split(".")
     inner = changed
@@ -95,7 +95,7 @@ def put(config: Row, key: str, value: Any) -> Row:
 
 
 def run_stages(plan_file: Path, *options: str) -> None:
-    """Run every stage of a subject from poses to tip errors by its plan; a failure fails the test."""
+    """Run all stages of a subject from poses to tip errors by its plan, and check that they succeed."""
     for stage in STAGES:
         argv = [*of_plan(stage, plan_file), *outputs(stage, plan_file.parent), *options]
         assert getattr(stage_runs, stage)(argv) == 0, stage
@@ -103,40 +103,40 @@ def run_stages(plan_file: Path, *options: str) -> None:
 
 @dataclass(frozen=True)
 class PlannedSubject:
-    """Subject 01 in a folder of its own; a test that changes files works on a copy."""
+    """Subject 01 in a separate folder; tests that change files use a copy."""
 
     folder: Path
 
     @property
     def plan_file(self) -> Path:
-        """The subject's plan."""
+        """The file of the subject's plan."""
         return self.folder / "results" / "sub-01" / "plan.json"
 
     @property
     def plan(self) -> SubjectPlan:
-        """The same, read."""
+        """The subject's plan."""
         return plan_of_results(self.plan_file)
 
     def poses(self, task: str, hand: str = "right") -> Path:
-        """A recording's poses table."""
+        """Return a recording's poses table."""
         return self.plan_file.parent / hand / task / "poses.parquet"
 
     def truth(self, task: str, hand: str = "right") -> Path:
-        """Folder of a recording's truth."""
+        """Return the folder of a recording's truth."""
         return self.folder / "raw" / f"{hand}-{task}_truth"
 
     def fit_folder(self, hand: str = "right", model: str = "quick") -> Path:
-        """Folder of the tables that the fit of a model writes."""
+        """Return the folder of the tables written by the fit of a model."""
         return self.plan_file.parent / "fits" / hand / model
 
     def part(self, model: str, made_without: str = "", hand: str = "right") -> Part:
-        """A skeleton."""
+        """Return the key of a skeleton."""
         return Part(hand, model, made_without, "01")
 
     def copied(self, folder: Path) -> PlannedSubject:
-        """Return the same files elsewhere, the plan's paths among them.
+        """Return a copy of the files in another folder, with the plan's paths changed.
 
-        No table says what it was made from, so that a test may change one and leave the others.
+        The tables' lists of inputs are removed, so that a test may change one table and keep the others.
         """
         copied = PlannedSubject(Path(shutil.copytree(self.folder, folder / "copy")))
         text = copied.plan_file.read_text("utf-8")
@@ -151,7 +151,7 @@ class PlannedSubject:
         return copied
 
     def run_stages(self) -> None:
-        """Run every stage from the joints to the tips, and lay out the prior's hand."""
+        """Fit the hands, run every stage from joints to tips, and make the reference hand."""
         assert self.fit_hands() == 0
         run_stages(self.plan_file)
         assert self.fit_hands(model=REFERENCE) == 0
@@ -168,7 +168,7 @@ class PlannedSubject:
         return self.fit(hand, *options, *folders, model=model)
 
     def rows(self, path: Path, table: str, part: Part) -> list[Row]:
-        """Rows of a part of a table."""
+        """Return the rows of a part of a table."""
         return list(rows_of(read_part(path, TABLES[table], part)))
 
 
@@ -197,9 +197,9 @@ def planned_subject(
 ) -> PlannedSubject:
     """Simulate a subject's recordings and write their poses, truths and the plan.
 
-    recordings : hand, task and role of each, and its other cells; poses of a task that the simulator has not
-    are left to the test. models : names of those that ship, or quick, whose file that is. sheets : rows of
-    measurements and touches, tab-separated.
+    recordings : hand, task, role and further cells of each; for tasks that the simulator lacks, the test
+    writes the poses. models : names of shipped models, or "quick". quick : the file of that model. sheets :
+    tab-separated rows of measurements and touches.
     """
     subject, rows = PlannedSubject(folder), []
     for hand, task, role, *cells in recordings:
@@ -222,29 +222,29 @@ def planned_subject(
 
 @dataclass(frozen=True)
 class HandResults:
-    """Where the tables of a hand alone are, and how to read them."""
+    """The folder of the tables of a hand processed without a plan."""
 
     folder: Path
 
     def path(self, name: str) -> Path:
-        """A table's file."""
+        """Return a table's file."""
         return self.folder / f"{name}.parquet"
 
     def rows(self, name: str) -> list[Row]:
-        """All rows of a table."""
+        """Return all rows of a table."""
         return list(rows_of(read_table(self.path(name), TABLES[name])))
 
     def joints(self) -> dict[str, Row]:
-        """joint_centres by joint."""
+        """Return the rows of joint_centres by joint."""
         return {row["joint"]: row for row in self.rows("joint_centres")}
 
     def errors(self, binding: str = "least-squares") -> dict[str, Row]:
-        """tip_errors by digit, of the one recording."""
+        """Return the rows of tip_errors of the only recording by digit."""
         return {row["digit"]: row for row in self.rows("tip_errors") if row["binding"] == binding}
 
 
 def recording_numbers(path: Path, table: Table, *which: Any, **more: Any) -> dict[str, Array]:
-    """Numbers of one recording in a subject table, see `PartsReader.recording`."""
+    """Return the numbers of one recording in a subject's table; see `PartsReader.recording`."""
     with open_parts(path, table) as parts:
         return parts.recording(*which, **more)
 
@@ -252,14 +252,14 @@ def recording_numbers(path: Path, table: Table, *which: Any, **more: Any) -> dic
 def import_recording(
     file: Path, out: Path, *, hand: str = "right", task: str = "task", layout: str = "liberty16"
 ) -> Path:
-    """Run capture on a recording of subject 01; return its poses."""
+    """Import a recording of subject 01 and return its poses table."""
     words = ["import", f"--in={file}", f"--out={out}", f"--layout={layout}", "--subject=01"]
     assert capture([*words, f"--hand={hand}", f"--task={task}"]) == 0
     return out
 
 
 def run_hand(poses: Path, model: str, folder: Path) -> HandResults:
-    """Run every stage from poses to tip errors on a hand alone, calibrated on what it is evaluated in."""
+    """Run all stages from poses to tip errors without a plan, calibrated on the evaluated recording."""
     results = HandResults(folder)
     for stage in STAGES:
         tables = [name for name in stage_runs.reads(stage) if results.path(name).is_file()]

@@ -1,4 +1,4 @@
-"""The stages' command lines, run in this process by their names, for tests of all rooms."""
+"""Running stages by name in this process, for the tests of all rooms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WRITES = {
     "evaluate_tips": {"out": "tips", "out-errors": "tip_errors"},
     "evaluate_skeletons": {"out": "skeleton_scores", "out-joints": "joint_errors"},
 }
-"""Tables that a stage writes, by the names of its options."""
+"""Tables that a stage writes, by its options."""
 
 
 def __getattr__(name: str) -> Callable[[Sequence[str]], int]:
@@ -37,20 +37,20 @@ def __getattr__(name: str) -> Callable[[Sequence[str]], int]:
 
 @cache
 def reads(stage: str) -> Sequence[str]:
-    """Return the tables of a subject that a stage has options for."""
+    """Return the subject's tables for which a stage has options."""
     parser = runpy.run_path(str(STAGES / f"{stage}.py"))["build_parser"]()
     return parser.get_default("tables") or ()
 
 
 def outputs(stage: str, folder: Path) -> list[str]:
-    """Return the options of a stage that name what it writes into a folder: tables, or the folder itself."""
+    """Return the options of a stage that name its output tables in a folder, or the folder itself."""
     if stage not in WRITES:
         return [f"--out={folder}"]
     return [f"--{option}={folder / table}.parquet" for option, table in WRITES[stage].items()]
 
 
 def of_plan(stage: str, plan_file: Path) -> list[str]:
-    """Return the options of a stage that name a plan and those of the tables beside it that are there."""
+    """Return the options of a stage that name a plan and the existing tables beside it."""
     plan, options = read_plan(plan_file), [f"--plan={plan_file}"]
     fits = [(hand, model) for hand in plan.hands for model in (*plan.fitted_models, REFERENCE)]
     for name in reads(stage):

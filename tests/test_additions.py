@@ -1,4 +1,4 @@
-"""To add a thing it is enough to touch what docs/architecture.md says: each is added in a copy, and used."""
+"""The edits that docs/architecture.md names suffice to add a feature: each is made in a copy and used."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RUN = "import json, sys; from shukotsu.__main__ import main; sys.exit(any(map(ma
 
 
 def edit(path: Path, before: str, after: str) -> None:
-    """Replace a text that stands in a file once."""
+    """Replace a text that occurs once in a file."""
     text = path.read_text("utf-8")
     assert text.count(before) == 1, f"{path}: {before!r}"
     path.write_text(text.replace(before, after), "utf-8")
@@ -91,7 +91,7 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, hand: SimulatedHand) -> Path:
-    """What commands of a copy with all additions write, all in one process, which starts but once."""
+    """Folder of the results of a copy with all additions; its commands run in one process to save time."""
     folder = tmp_path_factory.mktemp("added")
     program = copy_of_the_program(folder / "program")
     for add in (add_model, add_column, add_reader, add_export):
@@ -139,7 +139,7 @@ def test_an_added_column_is_written_with_its_unit(folder: Path) -> None:
 
 
 def test_an_added_reader_is_used_by_import_mapping_and_new(folder: Path) -> None:
-    """The plan of a study whose sheet names it would have ended in exit code 2 without it."""
+    """A study's plan uses it too: without the reader, the stage `plan` of the fixture would fail."""
     for name in ("read", "mapped"):
         assert pq.read_table(folder / f"{name}.parquet").num_rows >= 80
     assert "rom.ssv" in (folder / "drafted" / "recordings.tsv").read_text("utf-8")
@@ -169,7 +169,7 @@ for branch in model.branches:
             moves[f"{name}: {model.unknowns.names[unknown]}"] = float(np.linalg.norm(moved[:3]))
 print(json.dumps(moves))
 """
-"""By how many mm each unknown moves each bone and receiver, all joints bent by a radian."""
+"""Prints how far, in mm, each unknown moves each bone and receiver with all joints bent by 1 rad."""
 
 
 def moves_of(program: Path) -> dict[str, float]:
@@ -177,8 +177,10 @@ def moves_of(program: Path) -> dict[str, float]:
     return dict(json.loads(printed_by(sys.executable, "-c", PRINT_MODEL, cwd=program, env=environment)))
 
 
-def test_the_changes_of_the_model_that_its_page_works_through(tmp_path: Path) -> None:
-    """A prior, a law of skin and an unknown: the page's edits, made in a copy, change that and no more."""
+def test_the_example_edits_of_the_model_on_its_page_work(tmp_path: Path) -> None:
+    """The page's edits of a prior, a law of skin and an unknown, made in a copy, change these and nothing
+    else.
+    """
     before, program = moves_of(REPOSITORY), copy_of_the_program(tmp_path / "program")
     for block in blocks(MODEL_ON_PAPER, "diff"):
         name, *lines = block.text.removeprefix("--- ").splitlines()
@@ -193,8 +195,8 @@ def test_the_changes_of_the_model_that_its_page_works_through(tmp_path: Path) ->
     assert {name: after[name] for name in same} == {name: pytest.approx(before[name]) for name in same}
 
 
-def test_the_page_has_every_sd_as_the_fit_has_it() -> None:
-    """Each row of its table against the numbers, and no sd of these is missing."""
+def test_the_page_lists_every_sd_of_the_fit() -> None:
+    """Each row of its table equals the constants, and no sd is missing."""
     rows = re.findall(r"^\| ([A-Z][A-Z_]+_?.*?) \| ([\d., ]+) \|", MODEL_ON_PAPER.read_text("utf-8"), re.M)
     numbers, written = read_constants(REPOSITORY / "shukotsu" / "hand" / "average_hand.yaml"), set()
     for what, values in rows:
@@ -210,7 +212,7 @@ def test_the_page_has_every_sd_as_the_fit_has_it() -> None:
     assert {name for name in numbers if "_SD" in name} <= written | NOT_OF_THE_FIT
 
 
-def test_every_module_of_the_fit_names_its_sections() -> None:
+def test_every_module_of_the_fit_refers_to_sections_of_its_page() -> None:
     there = {heading.partition("-")[0] for heading in anchors(MODEL_ON_PAPER)}
     for module in (REPOSITORY / "shukotsu" / "fit").glob("*.py"):
         named = re.findall(r"docs/whole-hand\.md, (?:whose|sections?) (.*)\.", module.read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""Rooms of the library import downwards only, no modules import in a circle, no file has two paths."""
+"""The package's architecture: layered imports, no import cycles, flat folders and portable file names."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ ROOMS = (
 )
 """The rooms, each of which imports only itself and those after it; `command_line` is one module."""
 GROUND = ("arrays", "errors", "job", "resources", "translation")
-"""Modules below all rooms, which import nothing but each other."""
+"""Modules below all rooms, which import only each other."""
 OF_WINDOWS = re.compile(r'(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?|.*[<>:"|?*\\].*|.*[. ]')
-"""Names that no file can have on Windows."""
+"""File names that Windows does not allow."""
 
 
 @cache
@@ -37,7 +37,7 @@ def tracked_files() -> list[str]:
 
 @cache
 def modules() -> dict[str, Path]:
-    """Every module of the library by its dotted name; a package by its own."""
+    """Return every module of the package by its dotted name; a subpackage by its own name."""
     paths = {}
     for path in sorted((REPOSITORY / "shukotsu").rglob("*.py")):
         parts = path.relative_to(REPOSITORY).with_suffix("").parts
@@ -47,9 +47,10 @@ def modules() -> dict[str, Path]:
 
 @cache
 def imports_of(path: Path) -> list[tuple[str, bool]]:
-    """Modules of the library that a file imports, and whether it does when it is imported itself.
+    """Return the package's modules that a file imports, and whether the import runs when the file is
+    imported.
 
-    A text that is a module's whole name, `module` or `module:object`, counts as an import inside a function.
+    A string that is a module's full name, `module` or `module:object`, counts as an import inside a function.
     """
     imports, nodes = [], [(ast.parse(path.read_text("utf-8")), True)]
     while nodes:
@@ -70,12 +71,12 @@ def imports_of(path: Path) -> list[tuple[str, bool]]:
 
 
 def is_for_types(node: ast.AST) -> bool:
-    """Whether a statement's body is read by the type checker alone."""
+    """Return whether a statement's body is for the type checker only."""
     return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
 
 
 def room(module: str) -> str:
-    """The room of a module; empty for the package itself."""
+    """Return the room of a module, empty for the package itself."""
     return [*module.split("."), ""][1]
 
 
@@ -91,12 +92,12 @@ def test_rooms_import_downwards_only() -> None:
     ] == []
 
 
-def test_no_modules_import_in_a_circle() -> None:
+def test_there_are_no_import_cycles() -> None:
     graph = {
         module: {target for target, at_once in imports_of(path) if at_once} - {module}
         for module, path in modules().items()
     }
-    TopologicalSorter(graph).prepare()  # raises CycleError with the circle
+    TopologicalSorter(graph).prepare()  # raises CycleError with the cycle
 
 
 def test_stages_are_scripts_that_nothing_imports() -> None:
@@ -116,14 +117,14 @@ def test_rooms_are_small_and_flat() -> None:
     assert {name for name, n in Counter(file.parts[1] for file in files).items() if n > 45} == set()
 
 
-def test_the_snakefile_wires_and_holds_no_logic() -> None:
+def test_the_snakefile_imports_only_wiring() -> None:
     lines = (REPOSITORY / "Snakefile").read_text("utf-8").splitlines()
     targets = [name for line in lines for name in re.findall(r"^from (shukotsu[\w.]*)", line)]
     assert {room(target) for target in targets} <= {"workflow", "study", "tables", *GROUND}
 
 
-def test_a_checkout_is_the_same_on_any_file_system() -> None:
-    """No link, and no two names that are one, nor any that cannot be, on Windows."""
+def test_file_names_work_on_every_file_system() -> None:
+    """There are no links, no names that differ in case only, and none that Windows does not allow."""
     names = tracked_files()
     assert [name for name in names if (REPOSITORY / name).is_symlink()] == []
     assert [name for name, n in Counter(name.casefold() for name in names).items() if n > 1] == []
@@ -136,8 +137,8 @@ NOUNS = re.compile(
 )
 
 
-def test_no_sentence_counts_one_as_many() -> None:
-    """A number before a noun is told by `count_of` ("1 row"), or is a constant."""
+def test_sentences_use_singular_and_plural_correctly() -> None:
+    """A number before a noun is formatted by `count_of` ("1 row") or is a constant."""
     told = []
     for name, path in modules().items():
         for text in ast.walk(ast.parse(path.read_text("utf-8"))):

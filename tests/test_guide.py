@@ -1,4 +1,4 @@
-"""The guide's examples are true: files in it are valid, links lead somewhere, commands parse.
+"""The guide's examples are correct: valid files, working links, existing commands and options.
 
 tests/studies/test_guide_runs.py runs the commands.
 """
@@ -27,7 +27,7 @@ from shukotsu.study.model import read_model
 SHELL = [block for page in PAGES for block in blocks(page, "sh", "bash", "shell", "console")]
 YAML = [block for page in PAGES for block in blocks(page, "yaml")]
 TAGS = ("br", "details", "div", "figure", "figcaption", "p", "span", "style", "sub", "summary", "sup")
-"""What a page may be laid out with."""
+"""HTML tags that a page may use."""
 RUN_LANGUAGES = ("sh", "bash", "shell", "console", "python", "sql")
 KINDS = ("study", "layout", "model", "mapping")
 
@@ -36,19 +36,19 @@ def first_yaml(page: str) -> str:
     return blocks(REPOSITORY / "docs" / page, "yaml")[0].text
 
 
-def test_the_example_layout_is_one(tmp_path: Path) -> None:
+def test_the_example_layout_is_valid(tmp_path: Path) -> None:
     (tmp_path / "finger.yaml").write_text(first_yaml("layouts.md"))
     layout = read_layout(tmp_path / "finger.yaml")
     assert [joint.name for joint in layout.solvable] == ["index_mcp", "index_pip", "wrist"]
 
 
-def test_the_example_model_is_one(tmp_path: Path) -> None:
+def test_the_example_model_is_valid(tmp_path: Path) -> None:
     (tmp_path / "half-twist.yaml").write_text(first_yaml("choose-a-model.md"))
     assert read_model(tmp_path / "half-twist.yaml").metacarpals.twist_factor == 0.5
 
 
 def schema_of(keys: set[str]) -> dict[str, Any]:
-    """The schema of the file that a block with these keys is of, or is a part of."""
+    """Return the schema of the kind of file that a block with the given keys is, or is part of."""
     fitting = [schema for kind in KINDS if keys <= (schema := json_schema(kind))["properties"].keys()]
     whole = [schema for schema in fitting if set(schema["required"]) <= keys]
     assert fitting, f"no file of the program has the keys {', '.join(sorted(keys))}"
@@ -62,7 +62,7 @@ def test_a_file_in_the_guide_is_valid(block: Block) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_have_existing_targets(page: Path) -> None:
     for file, anchor in links(page):
         target = (page.parent / file).resolve() if file else page
         assert target.exists(), file
@@ -70,7 +70,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_pictures_say_what_is_in_them(page: Path) -> None:
+def test_pictures_have_alternative_texts(page: Path) -> None:
     assert [
         file for text, file in pictures(page) if len(text.split()) < 3 and not page.stem.endswith(".ja")
     ] == []
@@ -78,14 +78,14 @@ def test_pictures_say_what_is_in_them(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_nothing_in_angle_brackets_is_taken_for_html(page: Path) -> None:
-    """A browser would show nothing of it; code stands between backquotes."""
+def test_pages_contain_no_accidental_html(page: Path) -> None:
+    """Browsers would not show text in angle brackets outside of code."""
     tags = re.findall(r"<(/?([a-zA-Z]+)[^>\n]*)>", prose(page))
     assert [tag for tag, name in tags if name not in TAGS] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_files_of_the_project_are_where_the_guide_says(page: Path) -> None:
+def test_project_files_named_in_the_guide_exist(page: Path) -> None:
     rooms = "schemas|stages|workflow|shukotsu|docs|benchmarks|config|tests|container|profiles"
     named = re.findall(rf"`((?:{rooms})/[\w./-]+)`", page.read_text("utf-8"))
     named = [path for path in named if not re.search("NAME|TABLE|CODE", path)]
@@ -93,8 +93,8 @@ def test_files_of_the_project_are_where_the_guide_says(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_a_block_that_is_not_run_says_why(page: Path) -> None:
-    """A mark with no reason, or that no block follows, is a mistake."""
+def test_a_block_that_is_not_run_has_a_reason(page: Path) -> None:
+    """Marks without a reason, or not followed by a block, are mistakes."""
     marked = [block for block in blocks(page, *RUN_LANGUAGES) if block.not_run]
     assert len(re.findall(r"^\s*<!-- not run", page.read_text("utf-8"), re.MULTILINE)) == len(marked)
 
@@ -104,11 +104,11 @@ PROGRAM = re.compile(
 )
 WITH_SUBCOMMANDS = ("shukotsu", "benchmarks")
 PLACES = {"COMMAND", "NAME", "..."}
-"""Words that stand for others."""
+"""Placeholders in commands."""
 
 
 def argv_of(line: str) -> tuple[str, ...] | None:
-    """Module and arguments of a line that runs this project; None where it runs something else."""
+    """Return the module and arguments of a line that runs this project, or None for other lines."""
     match = PROGRAM.match(line.strip().removeprefix("$ "))
     if match is None:
         return None
@@ -127,7 +127,7 @@ COMMANDS = sorted({argv for line in LINES if (argv := argv_of(line)) and not PLA
 
 @cache
 def help_of(*command: str) -> str:
-    """What `--help` of a command prints, in this process: heavy packages are imported once."""
+    """Return a command's `--help`, run in this process so that large packages are imported once."""
     module, *arguments = command
     printed = io.StringIO()
     with pytest.MonkeyPatch.context() as patched, contextlib.redirect_stdout(printed):
@@ -139,7 +139,7 @@ def help_of(*command: str) -> str:
 
 
 def subcommand(module: str, arguments: list[str]) -> list[str]:
-    """The arguments that choose a parser: a command, and the stage that `shukotsu stage` runs."""
+    """Return the arguments that select a parser: a command, and the stage of `shukotsu stage`."""
     named = module in WITH_SUBCOMMANDS and arguments and re.fullmatch(r"[a-z_-]+", arguments[0])
     if not named or arguments[0].startswith("-"):
         return []
@@ -149,7 +149,7 @@ def subcommand(module: str, arguments: list[str]) -> list[str]:
 
 @pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, ...]) -> None:
+def test_commands_of_the_guide_exist_with_their_options(command: tuple[str, ...]) -> None:
     module, *arguments = command
     printed = help_of(module, *subcommand(module, arguments))
     before = arguments[: arguments.index("--")] if "--" in arguments else arguments
@@ -167,8 +167,8 @@ HEADINGS = {
 
 
 @pytest.mark.parametrize(("page", "words"), sorted(HEADINGS))
-def test_words_that_the_guide_quotes_stand_in_the_report(page: str, words: str) -> None:
-    """As a heading or a button of the pages; the Japanese guide has the words of the Japanese pages."""
+def test_words_quoted_in_the_guide_are_in_the_report(page: str, words: str) -> None:
+    """They are headings or buttons; the Japanese guide quotes the words of the Japanese pages."""
     message = CATALOGUE.get(words)
     assert message is not None, f"the report nowhere says “{words}”"
     twin = REPOSITORY / "docs" / page.replace(".md", ".ja.md")
@@ -189,8 +189,8 @@ except SystemExit as ended:
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_every_stage_helps_with_an_example_and_imports_nothing_heavy(stage: str) -> None:
-    """--help ends with 0, shows an example whose every option the stage knows, and starts quickly."""
+def test_every_stages_help_is_fast_and_has_a_valid_example(stage: str) -> None:
+    """--help exits with 0, shows an example with existing options, and imports no large package."""
     text = printed_by(sys.executable, "-c", LIGHT_HELP.format(stage), cwd=REPOSITORY)
     options, _, example = text.partition("example:")
     argv = shlex.split(example)

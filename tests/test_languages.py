@@ -1,4 +1,4 @@
-"""Every Japanese page of the guide is in step with the English one, section by section."""
+"""Every Japanese page of the guide corresponds to the English one, section by section."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from guide_pages import REPOSITORY
 
 JAPANESE = [*sorted((REPOSITORY / "docs").glob("*.ja.md")), REPOSITORY / "README.ja.md"]
 ONLY_IN_JAPANESE = {"language: ja", "--language ja"}
-"""Code that tells how to have the report in Japanese, which an English page need not."""
+"""Code for a report in Japanese, which English pages need not mention."""
 
 FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
@@ -18,7 +18,7 @@ CODE = re.compile(r"`((?:[^`\n]|\n(?!\n))+)`")
 
 
 def blocks(text: str) -> list[tuple[str, str]]:
-    """Language and lines of every fenced block; comments and the space around lines left out."""
+    """Return the language and text of every fenced block, without comments and surrounding spaces."""
     fenced = [
         (language, re.sub(r"(?m)(^|\s+)# .*$", "", block)) for _, language, block in FENCE.findall(text)
     ]
@@ -26,7 +26,7 @@ def blocks(text: str) -> list[tuple[str, str]]:
 
 
 def sections(text: str) -> list[tuple[str, str]]:
-    """Marks of every heading and what stands under it; blocks and comments left out."""
+    """Return the marks of every heading and the text below it, without blocks and comments."""
     text = re.sub(r"<!--.*?-->", "", FENCE.sub("", text), flags=re.DOTALL)
     parts = re.split(r"^(#+) ", text, flags=re.MULTILINE)
     before = [("", parts[0])] if parts[0].strip() else []
@@ -38,18 +38,18 @@ def codes(section: str) -> set[str]:
 
 
 def numbers(section: str) -> set[str]:
-    """Numbers in digits that a reader reads: no code, no targets of links."""
+    """Return the numbers in a section's prose, without code and targets of links."""
     prose = CODE.sub(" ", LINK.sub(r"\1", section))
     return set(re.findall(r"(?<![A-Za-z\d.])\d+(?:\.\d+)?", re.sub(r"(?<=\d)[\s,](?=\d{3})", "", prose)))
 
 
 def files(section: str) -> list[str]:
-    """Pages and pictures that a section leads to, whatever their language."""
+    """Return the pages and pictures that a section links to, regardless of their language."""
     return sorted(re.sub(r"\.ja(?=\.)|#.*", "", target) for _, target in LINK.findall(section))
 
 
 @pytest.mark.parametrize("page", JAPANESE, ids=lambda page: page.name)
-def test_a_page_is_in_step_with_the_english_one(page: Path) -> None:
+def test_a_japanese_page_corresponds_to_the_english_one(page: Path) -> None:
     english = page.with_name(page.name.replace(".ja.md", ".md")).read_text("utf-8")
     japanese = page.read_text("utf-8")
     assert blocks(japanese) == blocks(english)

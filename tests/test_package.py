@@ -1,4 +1,4 @@
-"""What is installed: the wheel, all that it declares, the recorder alone, and the workflow for others."""
+"""The installed package: the wheel and its dependencies, the recorder alone, and use as a workflow module."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ rule own:
 
 
 def run(*command: str | Path, folder: Path) -> str:
-    """Run a command to its end without this process's PYTHONPATH; give what it printed."""
+    """Run a command without this process's Python environment and return its output."""
     environ = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     return printed_by(*command, cwd=folder, env=environ)
 
 
-def test_what_is_imported_is_declared() -> None:
-    """By its own name: what another package brings along may not be there with its next version."""
+def test_every_imported_package_is_a_declared_dependency() -> None:
+    """Packages installed only as dependencies of others might be missing with the others' next versions."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
     lines = [*project["dependencies"], *project["optional-dependencies"]["xarray"]]
     declared = {re.split(r"[^\w-]", line)[0].lower() for line in lines}
@@ -65,13 +65,13 @@ def test_what_is_imported_is_declared() -> None:
     texts = [path.read_text("utf-8") for path in program_files(suffix=".py")]
     imported = {name for text in texts for name in pattern.findall(text)}
     owners = packages_distributions()
-    of_types = {"jaxtyping"}  # read by type checkers and by the tests' checks of shapes, never by the program
+    of_types = {"jaxtyping"}  # for type checkers and the tests' shape checks only
     foreign = (imported & owners.keys()) - sys.stdlib_module_names - {"shukotsu", *OF_BLENDER, *of_types}
     assert len(foreign) > 10
     assert {name: owners[name][0] for name in foreign if owners[name][0].lower() not in declared} == {}
 
 
-def test_the_version_is_said_once() -> None:
+def test_the_version_is_the_same_everywhere() -> None:
     citation = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text("utf-8"))
     assert citation["version"] == VERSION == shukotsu.__version__
 
@@ -89,10 +89,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def environment(folder: Path, wheel: Path, *only: str) -> Path:
-    """Make an environment of the wheel and of what the users' lock pins, as it is installed here; return the
-    folder of its programs.
+    """Make an environment with the wheel and the packages of the users' lock, linked from the present
+    environment.
 
-    only : the packages that it has, where not all.
+    only : names of the packages to include, by default all. Returns the folder of its programs.
     """
     run(sys.executable, "-m", "venv", folder, folder=REPOSITORY)
     (packages,) = folder.glob("lib/*/site-packages")
@@ -107,13 +107,13 @@ def environment(folder: Path, wheel: Path, *only: str) -> Path:
     program = folder / "bin" / "python"
     options = ("--no-index", *(["--no-deps"] if only else []))
     run(program, "-m", "pip", "--quiet", "install", *options, wheel, folder=folder)
-    kernel = Path("shukotsu", "fit", "kernel")  # with its machine code, which takes half a minute to make
+    kernel = Path("shukotsu", "fit", "kernel")  # include the cached machine code, which takes 30 s to compile
     shutil.copytree(REPOSITORY / kernel, packages / kernel, dirs_exist_ok=True)
     return program.parent
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
+def test_the_wheel_contains_exactly_the_program(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
     program = [path.relative_to(REPOSITORY).as_posix() for path in program_files()]
@@ -122,7 +122,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
 
 @pytest.mark.slow
 def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path) -> None:
-    """In an environment with the users' lock, which has all that the wheel asks for."""
+    """The environment has the users' lock, which provides all dependencies of the wheel."""
     programs = environment(tmp_path / "own", wheel)
     pip = (programs / "python", "-m", "pip", "--quiet")
     study = tmp_path / "study"
@@ -151,7 +151,7 @@ def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_the_recorder_needs_three_packages(wheel: Path, tmp_path: Path) -> None:
+def test_the_recorder_needs_only_three_packages(wheel: Path, tmp_path: Path) -> None:
     programs = environment(tmp_path / "own", wheel, *RECORDER)
     shukotsu, port = programs / "shukotsu", tmp_path / "port"
     command = [shukotsu, "emulate", "--pty", port, "--stations", "1-2"]
@@ -176,8 +176,8 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_workflow_catalogue_lists_it_as_standardised(clone: Path) -> None:
-    """By the rules of Snakemake's catalogue: how it finds a workflow, and what it runs."""
+def test_the_workflow_meets_the_rules_of_snakemakes_catalogue(clone: Path) -> None:
+    """The catalogue requires certain files and keys, and a workflow that passes `snakemake --lint`."""
     readme = (clone / "README.md").read_text("utf-8").lower()
     assert "snakemake" in readme
     assert "workflow" in readme
@@ -190,8 +190,8 @@ def test_the_workflow_catalogue_lists_it_as_standardised(clone: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_workflow_is_a_module_of_another(clone: Path, tmp_path: Path) -> None:
-    """Its study stands among the keys of the other; a wrong one is one sentence, while it is parsed too."""
+def test_the_workflow_can_be_a_module_of_another(clone: Path, tmp_path: Path) -> None:
+    """Its study is a key of the other workflow's configuration; a faulty one is refused in one sentence."""
     (tmp_path / "Snakefile").write_text(MODULE.replace("SNAKEFILE", str(clone / "workflow" / "Snakefile")))
     config = {"hands": yaml.safe_load(SMALL_STUDY) | {"recordings": "recordings.tsv"}}
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))

@@ -1,4 +1,4 @@
-"""A refusal is one short printable line that names the word it refuses."""
+"""Refusals of options are one short printable line that names the option."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from shukotsu.__main__ import main
 from shukotsu.errors import MOST_LETTERS, InputError
 
 
-def test_whatever_a_sentence_quotes_it_is_one_short_printable_line() -> None:
-    """A quoted line may be of a stranger's file, with codes for a terminal in it."""
+def test_a_message_is_one_short_printable_line_whatever_it_quotes() -> None:
+    """It may quote a file of unknown origin that contains terminal control codes."""
     sentence = str(
         InputError("a.csv: is \x1b]0;x\x07\x9b31m\ud800\n\tb " + "x" * 5000 + "; expected a number")
     )
@@ -62,7 +62,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_asked_is_one_sentence_and_leaves_nothing(
+def test_invalid_options_are_refused_in_one_sentence(
     words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""What make does before anything runs; nothing is installed."""
+"""The setup done by make, without installing anything."""
 
 import os
 import re
@@ -7,7 +7,7 @@ from pathlib import Path
 from program_files import REPOSITORY, printed_by
 
 
-def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None:
+def test_uv_is_pinned_by_hash_and_uses_pips_settings(tmp_path: Path) -> None:
     assert re.match(
         r"uv==[\d.]+ \\\n( +--hash=sha256:\w{64}( \\)?\n)+\Z",
         (REPOSITORY / "requirements-uv.lock").read_text(),

@@ -1,4 +1,4 @@
-"""What docs/what-went-wrong.md quotes is said by the program, in these words."""
+"""Messages quoted in docs/what-went-wrong.md are those of the program."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ FILLED_IN = re.compile(
     r"\d[\d.]*|'[^']*'|\.\.\.|[{}<>]|\b(?:index_distal|little_metacarpal|liberty16|arm|x_mm|frame)\b"
     r"|expected (?=a whole)"
 )
-"""What a sentence says of one recording: numbers, names, what is in quotes."""
+"""Parts of a sentence that depend on the recording: numbers, names and quoted texts."""
 
 
 def section(head: str) -> str:
-    """Return the part of the page below a heading, up to the next one."""
+    """Return the section of the page below a heading."""
     return PAGE.partition(f"## {head}\n")[2].partition("\n## ")[0]
 
 
 def first_cells(head: str) -> list[str]:
-    """Return the first cell of every row of a section's table but its head."""
+    """Return the first cell of every row of a section's table except the header."""
     rows = [line.split(" | ")[0].strip("| ") for line in section(head).splitlines() if line.startswith("|")]
     return rows[2:]
 
@@ -35,7 +35,7 @@ QUOTED += [quote for cell in first_cells("An error is printed") for quote in re.
 
 @cache
 def code_text() -> str:
-    """Return the code of all rooms; a text that goes on in the next line is whole."""
+    """Return the program's code with string literals over several lines joined."""
     code = "\n".join(path.read_text("utf-8") for path in program_files(suffix=".py"))
     return re.sub(r'"\s*\n\s*f?"', "", code)
 
@@ -46,6 +46,6 @@ def longest_part(quote: str) -> str:
 
 
 @pytest.mark.parametrize("quote", QUOTED)
-def test_what_is_quoted_is_said(quote: str) -> None:
+def test_quoted_messages_are_in_the_code(quote: str) -> None:
     assert len(longest_part(quote)) >= len("is empty")
     assert longest_part(quote) in code_text()

@@ -1,4 +1,4 @@
-"""Emulated trackers at the other end of a real line, and programs of the project as a user runs them."""
+"""Emulated trackers at real ports, and the project's commands in separate processes."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from shukotsu.tracker.emulated_device import EmulatedLiberty
 
 SHUKOTSU = [sys.executable, "-m", "shukotsu"]
 PATIENCE_S = 60.0
-"""How long a test waits for what it asserts before it gives up."""
+"""Longest time that a test waits for an asserted event."""
 
 
 @contextmanager
 def emulator(*options: str, port: Sequence[str] = ("--pty",)) -> Iterator[str]:
-    """Run the emulator while the context lasts; yields the port to open. It must end with exit code 0."""
+    """Run the emulator, yield its port, and check at the end that it exits with 0."""
     command = [*SHUKOTSU, "emulate", *port, *options]
     process = subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True)
     try:
@@ -40,10 +40,10 @@ def emulator(*options: str, port: Sequence[str] = ("--pty",)) -> Iterator[str]:
 
 @contextmanager
 def at_a_port(device: Any) -> Iterator[str]:
-    """Let a stand-in for a tracker answer and stream at a pseudo-terminal; yields the port to open.
+    """Let a simulated tracker answer and stream at a pseudo-terminal, and yield the port.
 
-    device : take(data) answers commands; while `streaming`, cycle() is what it sends every period_s. Once it
-    is `gone`, the port is, too.
+    device : take(data) returns the answers to commands; while `streaming`, cycle() returns the data sent
+    every period_s. When its attribute `gone` is true, the port is closed.
     """
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -60,7 +60,7 @@ def at_a_port(device: Any) -> Iterator[str]:
                 due = max(due + device.period_s, time.monotonic() - 0.1)
                 os.write(master, device.cycle())
             if getattr(device, "gone", False):
-                time.sleep(0.1)  # the client reads it
+                time.sleep(0.1)  # time for the client to read
                 while open_ends:
                     os.close(open_ends.pop())
                 return
@@ -77,13 +77,13 @@ def at_a_port(device: Any) -> Iterator[str]:
 
 
 def shukotsu(*words: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
+    """Run a shukotsu command and wait for its end."""
     pipes = {"capture_output": True, "stdin": subprocess.DEVNULL, "timeout": 2 * PATIENCE_S}
     return subprocess.run([*SHUKOTSU, *words], cwd=REPOSITORY, text=True, check=False, **pipes)  # type: ignore[call-overload, no-any-return]
 
 
 class StubbornTracker:
-    """A stand-in for a tracker: the bytes `unheard` come to the device as `heard`."""
+    """A simulated tracker that receives the bytes `heard` instead of `unheard`."""
 
     streaming = True
 
@@ -93,9 +93,9 @@ class StubbornTracker:
         self.unheard, self.heard = unheard, heard
 
     def take(self, data: bytes) -> bytes:
-        """Answer commands."""
+        """Return the answers to commands."""
         return self.device.receive(data.replace(self.unheard, self.heard))
 
     def cycle(self) -> bytes:
-        """Return what it sends in one cycle."""
+        """Return the data of one cycle."""
         return self.device.next_cycle()

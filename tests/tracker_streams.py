@@ -1,4 +1,4 @@
-"""Byte streams of trackers, put together field by field as the manuals say, and how they are decoded."""
+"""Byte streams of trackers, written field by field as in the manuals, and decoding them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Numbers = tuple[float, ...]
 
 
 def pose(frame: int, station: int) -> tuple[Numbers, Numbers]:
-    """A position within 50 of the tracker's unit, and a unit quaternion; another one for each."""
+    """Return a random position within 50 units and a unit quaternion, fixed for each frame and station."""
     random = np.random.default_rng([frame, station])
     q = random.normal(size=4)
     return tuple(random.uniform(-50, 50, 3).tolist()), tuple((q / np.linalg.norm(q)).tolist())
@@ -25,7 +25,7 @@ def _floats(numbers: Sequence[float]) -> bytes:
 
 
 def liberty_binary(frame: int, station: int, items: Sequence[int], tag: bytes = b"LY") -> bytes:
-    """A record of LIBERTY or PATRIOT in binary."""
+    """Return a binary record of a LIBERTY or PATRIOT."""
     position, quaternion = pose(frame, station)
     written = {
         0: b" ",
@@ -45,7 +45,7 @@ def liberty_binary(frame: int, station: int, items: Sequence[int], tag: bytes = 
 
 @cache
 def viper_frame(frame: int, stations: tuple[int, ...], unit: int = 2, accelerated: bool = False) -> bytes:
-    """A frame of poses of VIPER; unit 0 inch, 1 foot, 2 cm, 3 m."""
+    """Return a VIPER's frame of poses; unit : 0 inch, 1 foot, 2 cm, 3 m."""
     body = struct.pack("<4I", 7, frame, int(accelerated), len(stations))
     for station in stations:
         position, quaternion = pose(frame, station)
@@ -59,12 +59,12 @@ def viper_frame(frame: int, stations: tuple[int, ...], unit: int = 2, accelerate
 
 
 def viper_reply(command: int, payload: bytes, action: int = 3) -> bytes:
-    """The answer of VIPER to a command."""
+    """Return a VIPER's answer to a command."""
     return viper_closed(b"VPRC", struct.pack("<5I", 7, command, action, 2**32 - 1, 0) + payload)
 
 
 def viper_closed(preamble: bytes, body: bytes) -> bytes:
-    """The frame of a body, with its length and checksum (CRC-16/ARC)."""
+    """Return a body framed with preamble, length and checksum (CRC-16/ARC)."""
     frame, register = preamble + struct.pack("<I", len(body) + 4) + body, 0
     for byte in frame:
         register ^= byte
@@ -76,19 +76,19 @@ def viper_closed(preamble: bytes, body: bytes) -> bytes:
 def settings(
     family: str, items: Sequence[int] = (), stations: Sequence[int] = (1, 2, 3, 4), unit: str = "cm"
 ) -> StreamSettings:
-    """Settings with one output list for all stations."""
+    """Return settings with one output list for all stations."""
     lists: Mapping[int, tuple[int, ...]] = {station: tuple(items) for station in stations} if items else {}
     return StreamSettings(family, "binary", unit, 240.0, tuple(stations), lists)
 
 
 MOST_FRAMING = 12
-"""Bytes of a reply that are not its body, at the most: VIPER's leader and checksum."""
+"""Largest number of bytes of a reply besides its body: VIPER's preamble, length and checksum."""
 
 
 def decode(decoder: PiecewiseDecoder, data: bytes) -> Decoded:
-    """Feed the stream to its end, cut in the middle; return all that came out.
+    """Decode a stream in two pieces and return all results.
 
-    AssertionError unless every byte is in one record, reply or skip; a reply is its body and its frame.
+    Checks that every byte belongs to exactly one record, reply or skipped part; a reply includes its frame.
     """
     half = len(data) // 2
     parts = [decoder.feed(data[:half]), decoder.feed(data[half:]), decoder.feed(b"", final=True)]
@@ -104,12 +104,12 @@ def decode(decoder: PiecewiseDecoder, data: bytes) -> Decoded:
     offset = 0
     ends = [*(first for first, _ in stretches), len(data)][1:]
     for (first, size), following in zip(stretches, ends, strict=True):
-        assert first == offset, f"byte {offset} is in nothing, or in two things"
+        assert first == offset, f"byte {offset} belongs to no part or to two"
         if isinstance(size, Reply):
             assert 0 <= following - first - len(size.body) <= MOST_FRAMING, f"reply at {first}"
             offset = following
         else:
-            assert size > 0, f"nothing at {first}"
+            assert size > 0, f"empty part at {first}"
             offset += size
     assert offset == len(data)
     return decoded

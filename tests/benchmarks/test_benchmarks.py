@@ -1,4 +1,4 @@
-"""Null studies have as many false positives as there should be; a drawn hand is held against its truth."""
+"""Benchmarks: the rate of false positives, the comparison of a hand with its truth, and priors."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ STUDIES = 600
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n", "m", "ratio"), [(6, 14, 1.0), (6, 14, 3.0), (6, 12, 3.0), (14, 6, 3.0)])
-def test_few_studies_in_which_nothing_differs_show_something(n: int, m: int, ratio: float) -> None:
-    """At most 7 %: of 600 studies at that share 58 or more show something once in a hundred times."""
+def test_few_null_studies_show_a_difference(n: int, m: int, ratio: float) -> None:
+    """The rate of false positives is compatible with at most 7 %, tested at the 1 % level over 600
+    studies.
+    """
     rng = np.random.default_rng(7)
     shown = np.zeros(2)
     for _ in range(STUDIES):
@@ -32,7 +34,7 @@ def test_few_studies_in_which_nothing_differs_show_something(n: int, m: int, rat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("drawing", [OWN, OTHER])
-def test_a_hand_is_held_against_its_truth(drawing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fitted_hand_is_compared_with_its_truth(drawing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(two_drawings, "DURATION_S", 8.0)  # a third of the time
     joints, lengths = one_hand(drawing, 3)
     assert len(joints) == 15
@@ -44,10 +46,10 @@ def test_a_hand_is_held_against_its_truth(drawing: str, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("source", drawn_hands.SOURCES)
-def test_a_prior_without_a_source_has_nothing_of_its_lengths(
+def test_a_prior_without_a_source_does_not_use_its_lengths(
     source: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever that source says, the prior made without it has the same lengths; one with it has not."""
+    """Doubling a source's lengths changes the prior made with it, but not the prior made without it."""
     other = next(name for name in drawn_hands.SOURCES if name != source)
     before = [sources.prior_without(name)["index"].lengths_mm for name in (source, other)]
     index = drawn_hands.SOURCES[source]["index"]

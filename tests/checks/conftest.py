@@ -1,4 +1,4 @@
-"""Hands for the checks' tests, simulated once."""
+"""Fixtures for the tests of the checks: a hand simulated once."""
 
 import pytest
 from simulated_poses import hand_of

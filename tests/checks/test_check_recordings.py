@@ -1,4 +1,4 @@
-"""The stage: findings of a subject by its plan or of a hand alone, and what later stages make of them."""
+"""The check_recordings stage: findings with and without a plan, and their effect on later stages."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ ROWS = (
 
 @pytest.fixture(scope="module")
 def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A subject whose right hand's grip is in metres, and whose left hand's rom is random."""
+    """Plan of a subject whose right grip is in metres and whose left rom has random poses."""
     folder = tmp_path_factory.mktemp("study")
     file = write_study(folder, *ROWS, models=("rigid",))
     plan_file = write_plans(file)["01"]
@@ -53,7 +53,7 @@ def plan(plan_file: Path) -> SubjectPlan:
     return plan_of_results(plan_file)
 
 
-def test_findings_by_recording_accepted_where_the_sheet_says_so(plan: SubjectPlan) -> None:
+def test_findings_are_by_recording_and_noted_as_accepted_by_the_sheet(plan: SubjectPlan) -> None:
     rows = list(rows_of(read_table(plan.table("findings"), FINDINGS)))
     assert [(row["hand"], row["task"], row["kind"], row["severity"]) for row in rows] == [
         ("right", "grip", "units", "note"),
@@ -64,7 +64,7 @@ def test_findings_by_recording_accepted_where_the_sheet_says_so(plan: SubjectPla
     assert {*digests} == {"01//right/rom/", "01//right/grip/", "01//left/rom/"}
 
 
-def test_a_refused_recording_is_used_by_no_later_stage(plan: SubjectPlan, plan_file: Path) -> None:
+def test_a_refused_recording_is_not_used_by_later_stages(plan: SubjectPlan, plan_file: Path) -> None:
     assert [recording.task for recording in plan.all_calibrating("left")] == []
     assert [recording.task for recording in plan.all_calibrating("right")] == ["rom"]
     assert len(read_plan(plan_file).all_calibrating("left")) == 1

@@ -1,4 +1,4 @@
-"""Every mistake that is planted in a hand is named, with what to write; a hand without one is left alone."""
+"""Checks of one recording: every planted mistake is found with its cure, faultless hands have no finding."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +19,9 @@ from shukotsu.tables.poses import Poses
 LAYOUT = read_layout("liberty16")
 
 OTHERS = ("inverse rotations", "x, y, z, w read as w, x, y, z", "a receiver by 180 deg")
-"""Mistakes that are planted in a hand that is drawn otherwise, too."""
+"""Mistakes that are also planted in a hand from a different random model."""
 FIRST = {kind: name for name, (kind, _) in reversed(MISTAKES.items())}
-"""A mistake of every kind, for every run of the tests."""
+"""One mistake of every kind, by kind."""
 
 
 @pytest.mark.slow
@@ -33,7 +33,7 @@ FIRST = {kind: name for name, (kind, _) in reversed(MISTAKES.items())}
         for name in names
     ],
 )
-def test_a_planted_mistake_is_named_alone(planted: Planted, name: str, drawn_otherwise: bool) -> None:
+def test_a_planted_mistake_is_the_only_finding(planted: Planted, name: str, drawn_otherwise: bool) -> None:
     kind, mistake = MISTAKES[name]
     hand = other_hand(3, "left", "rom") if drawn_otherwise else planted
     findings = mistake(hand, np.random.default_rng(3)).findings()
@@ -44,13 +44,13 @@ def test_a_planted_mistake_is_named_alone(planted: Planted, name: str, drawn_oth
 
 @pytest.mark.slow
 @pytest.mark.parametrize("hand", ["left", "right"])
-def test_odd_hands_are_no_mistakes(hand: str) -> None:
+def test_unusual_faultless_hands_have_no_finding(hand: str) -> None:
     for drawing, name, faultless_hand in faultless(8, hand, np.random.default_rng(8)):
         assert faultless_hand.findings() == [], (drawing, name)
 
 
 @pytest.mark.slow
-def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted: Planted) -> None:
+def test_no_repair_is_advised_if_the_hemisphere_is_undecidable(planted: Planted) -> None:
     position = planted.poses.position_mm.copy()
     position[400:, planted.poses.index("ring_distal")] *= -1
     flipped = replace(planted.poses, position_mm=position)
@@ -63,7 +63,7 @@ def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted:
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_a_real_arm_has_no_finding_and_planted_faults_are_named(real_data: Path, side: str) -> None:
+def test_a_real_arm_has_no_finding_but_planted_mistakes_do(real_data: Path, side: str) -> None:
     path, layout = real_data / "upper_limb_poses" / f"racing_{side}.csv", read_layout("arm")
     samples = join_samples(find_parts_reader(path, "auto", None)(path, layout, None))
     shape, order = (-1, len(layout.measured)), np.lexsort((samples.segment, samples.frame))
@@ -79,7 +79,7 @@ def test_a_real_arm_has_no_finding_and_planted_faults_are_named(real_data: Path,
 
 
 @pytest.mark.slow
-def test_the_world_has_no_preferred_direction(planted: Planted) -> None:
+def test_the_check_does_not_depend_on_the_transmitters_orientation(planted: Planted) -> None:
     turn, poses = np.array([0.5, -0.5, 0.5, 0.5]), planted.poses
     position_mm, quaternion = poses.position_mm @ matrix(turn).T, multiply(turn, poses.quaternion)
     turned = replace(poses, position_mm=position_mm, quaternion=quaternion)

@@ -1,4 +1,4 @@
-"""A subject's recordings against each other: another person, receivers put on anew, a file named twice."""
+"""Comparing a subject's recordings: another person, receivers put on again, the same file named twice."""
 
 import re
 from dataclasses import replace
@@ -39,7 +39,7 @@ def test_recordings_of_one_person_have_no_finding(person: list[tuple[str, str, C
     assert kinds(person) == [[], [], []]
 
 
-def test_another_person_is_the_one_that_differs(
+def test_the_recording_of_another_person_is_suspected(
     person: list[tuple[str, str, CheckedRecording]], other: tuple[str, str, CheckedRecording]
 ) -> None:
     assert kinds([*person, other])[3] == [("other-person", SUSPECT)]
@@ -48,10 +48,10 @@ def test_another_person_is_the_one_that_differs(
     assert "another recording (right hand, rom" in sentence
     assert "another person" in sentence
     assert re.search("correct the column subject(?: or file)? of the recordings sheet", sentence)
-    assert kinds([other]) == [[]], "a subject of its own"
+    assert kinds([other]) == [[]], "a recording is not compared with itself"
 
 
-def test_one_that_breaks_within_itself_judges_no_other(
+def test_a_recording_with_a_sudden_change_is_not_compared_with_others(
     person: list[tuple[str, str, CheckedRecording]], other: tuple[str, str, CheckedRecording]
 ) -> None:
     seen = {"segments": ["hand"], "until": False, "grown": 5.0, "percent": 50.0, "first_s": 2.0}
@@ -65,13 +65,15 @@ def test_one_that_breaks_within_itself_judges_no_other(
     assert "receiver hand is not where its neighbours say, first at 2.00 s" in few.findings[0].message
 
 
-def test_receivers_put_on_anew_are_a_note() -> None:
-    """The other hand of a person, mirrored, is as long and wears its receivers elsewhere."""
+def test_receivers_put_on_again_are_a_note() -> None:
+    """A person's other hand, mirrored, stands in for them: it has the same lengths but other receiver
+    positions.
+    """
     first, later = (("rom", "right", checked(hand_of(7, hand))) for hand in ("right", "left"))
     before, (finding,) = (recording.findings for recording in compare_recordings([first, later]))
     assert (before, finding.kind, finding.severity) == ((), "other-person", NOTE)
     assert "give this recording a session of its own in the column session" in finding.message
-    assert kinds([later]) == [[]], "a session of its own"
+    assert kinds([later]) == [[]], "a recording is not compared with itself"
 
 
 def test_a_copied_recording_is_suspected(person: list[tuple[str, str, CheckedRecording]]) -> None:
@@ -84,7 +86,7 @@ def test_a_copied_recording_is_suspected(person: list[tuple[str, str, CheckedRec
     assert "give a reason under `exclude`" in sentence
 
 
-def test_a_copy_under_the_other_hands_name_accuses_that_hand_alone(
+def test_a_copy_named_as_the_other_hand_is_suspected_alone(
     person: list[tuple[str, str, CheckedRecording]],
 ) -> None:
     copied, right = kinds([("rom", "left", checked(replace(hand_of(11), hand="left"))), person[0]])

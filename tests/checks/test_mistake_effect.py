@@ -1,4 +1,4 @@
-"""What undoing a mistake changes: gaps, places of joints and the hand's scale; of no mistake nothing."""
+"""The effect of undoing a mistake on gaps, joint centres and the hand's scale."""
 
 from dataclasses import replace
 
@@ -19,20 +19,20 @@ def finding_of(planted: Planted, name: str) -> Finding:
     return finding
 
 
-def test_of_all_receivers_every_joint_moves_and_closes(planted: Planted) -> None:
+def test_undoing_a_mistake_of_all_receivers_moves_and_closes_every_joint(planted: Planted) -> None:
     values = finding_of(planted, "one axis negated").values
     assert (values["effect"], values["moved"], values["joints"]) == ("closer", 15, 15)
     assert values["gap_before_mm"] > 5 > 2 > values["gap_after_mm"]
     assert values["scale_before"] < 0.6 < 0.9 < values["scale_after"] < 1.2
 
 
-def test_of_one_receiver_its_own_joints_count(planted: Planted) -> None:
+def test_undoing_a_mistake_of_one_receiver_reports_its_joints_only(planted: Planted) -> None:
     values = finding_of(planted, "a receiver on the other side all along").values
     assert (values["effect"], values["moved"], values["joints"]) == ("closer", 1, 1)
     assert values["gap_before_mm"] > 50 > 2 > values["gap_after_mm"]
 
 
-def test_no_mistake_changes_nothing_and_a_mirrored_world_is_none(planted: Planted) -> None:
+def test_without_a_mistake_or_only_mirrored_no_joint_moves(planted: Planted) -> None:
     body = expected_body(LAYOUT, planted.poses.segments)
     poses, axes = planted.poses, receiver_axes(LAYOUT, planted.poses.segments)
     motion = motion_of(poses.position_mm, poses.quaternion, poses.valid, axes, planted.hand)

@@ -1,4 +1,4 @@
-"""What a recording does in time is seen where it is, to the frame."""
+"""Detection of hemisphere flips, spikes and stuck receivers, exact to the frame."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def moving(receivers: int = 3) -> Timeline:
     return Timeline(T, position, quaternion, np.ones((FRAMES, receivers), bool))
 
 
-def test_flips_are_undone_to_the_frame_also_across_a_gap() -> None:
+def test_flips_are_located_to_the_frame_even_across_a_gap() -> None:
     line = moving()
     sign = np.ones((FRAMES, 3))
     sign[100:250, 1] = sign[:40, 2] = -1
@@ -31,7 +31,7 @@ def test_flips_are_undone_to_the_frame_also_across_a_gap() -> None:
 
 
 @pytest.mark.parametrize("rows", [[300], [300, 301]])
-def test_single_absurd_rows_are_spikes_and_no_others(rows: list[int]) -> None:
+def test_only_single_absurd_rows_are_spikes(rows: list[int]) -> None:
     line = moving()
     line.position_mm[rows, 2] += 10_000
     assert np.argwhere(spikes(line)).tolist() == [[row, 2] for row in rows]
@@ -40,7 +40,7 @@ def test_single_absurd_rows_are_spikes_and_no_others(rows: list[int]) -> None:
     assert np.argwhere(spikes(line)).tolist() == [[row, 0] for row in rows]
 
 
-def test_a_receiver_hangs_only_while_another_moves() -> None:
+def test_a_receiver_is_stuck_only_while_another_moves() -> None:
     line = moving()
     line.position_mm[200:300, 1], line.quaternion[200:300, 1] = (
         line.position_mm[200, 1],

@@ -1,4 +1,4 @@
-"""The clusters' profiles know every rule, agree with each other, and can be run from anywhere."""
+"""The cluster profiles name every rule and have an executable status command."""
 
 import os
 import re
@@ -20,7 +20,7 @@ def profile(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_rule_has_a_group(name: str) -> None:
-    """A rule without one would be a batch job for each of its jobs."""
+    """Without a group, each job of a rule would be a separate batch job."""
     rules = set(
         re.findall(
             r"^(?:use rule \w+ as|rule) (\w+)", (REPOSITORY / "Snakefile").read_text("utf-8"), re.MULTILINE
@@ -31,6 +31,6 @@ def test_every_rule_has_a_group(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_status_command_is_beside_it_and_can_be_run(name: str) -> None:
+def test_the_status_command_is_beside_the_profile_and_executable(name: str) -> None:
     script = PROFILES / name / profile(name)["cluster-generic-status-cmd"]
     assert os.access(script, os.X_OK)

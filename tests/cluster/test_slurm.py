@@ -1,4 +1,4 @@
-"""A small study through the Slurm profile and a real Slurm: the same bytes, from few jobs."""
+"""A small study run by the profile for Slurm on a real Slurm: the same bytes, from few jobs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "sin
 PLUGIN = "snakemake_executor_plugin_cluster_generic"
 DAEMONS = ("slurmd", "slurmctld", "munged")
 CPUS = 6
-"""What Slurm believes the node has; a job that sleeps must not keep others waiting."""
+"""Number of CPUs configured for the node, so that a sleeping job does not block others."""
 TEMPLATE = """
 ClusterName=private
 SlurmctldHost={host}(127.0.0.1)
@@ -58,7 +58,7 @@ PartitionName=all Nodes={host} Default=YES MaxTime=60 State=UP
 
 
 def missing() -> str:
-    """Return why no private Slurm can be started here; empty where it can."""
+    """Return why no private Slurm can be started here, or an empty string if it can."""
     if os.geteuid() != 0:
         return "a private Slurm needs root"
     absent = [program for program in PROGRAMS if shutil.which(program) is None]
@@ -73,17 +73,17 @@ def missing() -> str:
 
 @contextmanager
 def private_slurm(folder: Path) -> Iterator[None]:
-    """Have munged, slurmctld and slurmd take jobs; end these and every job after any failure too.
+    """Start munged, slurmctld and slurmd, and stop them and all jobs at the end, also after a failure.
 
-    folder : for all their files, short enough for a socket in it (107 bytes with its name). Raises
-    RuntimeError, with the end of the logs, where the node takes no jobs within 30 s.
+    folder : for all their files; its path must be short enough for a socket's (107 bytes). Raises
+    RuntimeError with the end of the logs if the node does not accept jobs within 30 s.
     """
     for name in ("state", "spool"):
         (folder / name).mkdir(parents=True)
     key, configuration = folder / "munge.key", folder / "slurm.conf"
     key.write_bytes(secrets.token_bytes(128))
     key.chmod(0o600)
-    folder.chmod(0o755)  # munged wants its socket within everyone's reach; the key stays root's
+    folder.chmod(0o755)  # munged requires a socket readable by all; only root reads the key
     values = {"host": socket.gethostname().split(".")[0], "folder": folder, "cpus": CPUS}
     values |= {"memory_mb": int(run("slurmd", "-C").split("RealMemory=")[1].split()[0])}
     with socket.socket() as first, socket.socket() as second:
@@ -119,7 +119,7 @@ def private_slurm(folder: Path) -> Iterator[None]:
 
 
 def states(kinds: str = "all") -> list[str]:
-    """Return the state, such as COMPLETED or TIMEOUT, of every job that is in one of those."""
+    """Return the states of all jobs that are in one of `kinds`, such as COMPLETED or TIMEOUT."""
     return run("squeue", "--noheader", "--format=%T", f"--states={kinds}").split()
 
 
@@ -143,7 +143,7 @@ pytestmark = pytest.mark.slurm
 
 
 def _study(folder: Path) -> StudyRun:
-    """Write two subjects' right hands, a second of each of two tasks, and two models."""
+    """Write a study of two subjects' right hands with two short tasks and two models."""
     folder.mkdir(parents=True)
     rows = []
     for subject in ("01", "02"):
@@ -153,8 +153,8 @@ def _study(folder: Path) -> StudyRun:
     return write_study(folder, "same", rows, ["paper-fig3-rest", "paper-fig4"])
 
 
-def test_results_are_those_of_a_laptop_from_few_jobs(tmp_path: Path) -> None:
-    """One Slurm job a subject and one for the study, and every byte the same."""
+def test_slurm_gives_the_same_results_from_few_jobs(tmp_path: Path) -> None:
+    """There is one Slurm job per subject and one for the study, and the results are the same bytes."""
     if reason := missing():
         pytest.skip(reason)
     local, study = _study(tmp_path / "local"), _study(tmp_path / "study")

@@ -1,4 +1,4 @@
-"""A browser for the coach's page, a simulated calibration as a LIBERTY would have given it, quick fits."""
+"""Fixtures for the coach: a browser, an archive of a simulated calibration, and quick fits."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def _few_frames(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three seconds of a right hand that goes through the range of its joints."""
+    """Archive of 3 s of a right hand moving through the range of its joints."""
     folder = tmp_path_factory.mktemp("archive")
     played = write_poses(folder / "a.parquet", recorded(seed=7001, n_frames=720)[1], "right", "rom")
     out = folder / "recording.arrows"

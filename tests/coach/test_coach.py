@@ -1,4 +1,4 @@
-"""The coach by itself: what it asks, finds and says of simulated hands; poses of an archive that grows."""
+"""The coach's requests, findings and summaries for simulated hands, and live poses of an archive."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RATE_HZ = 240
 
 
 def calibration(frames: int = 7 * RATE_HZ) -> Poses:
-    """Poses of a hand that goes through the range of its joints."""
+    """Return poses of a hand moving through the range of its joints."""
     return recorded(seed=7001, n_frames=frames)[1]
 
 
@@ -48,7 +48,7 @@ def from_frame(poses: Poses, frame: int) -> Poses:
     return replace(poses, frame=number, time_s=number / RATE_HZ)
 
 
-def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
+def test_it_asks_for_a_movement_checks_it_and_lists_every_joint() -> None:
     coach = a_coach()
     lines = [*coached(coach, calibration(5 * RATE_HZ)), *coach.end()]
     assert f">> {MOVEMENTS[FIRST].sentence}" in lines[0]
@@ -62,7 +62,7 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 
-def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_left_out_in_haste() -> None:
+def test_it_stops_when_every_joint_is_good_enough() -> None:
     coach = a_coach(wanted_mm=8.0)
     lines = coach.take(calibration(), may_leave_out=True)
     assert coach.phase == ENOUGH
@@ -71,7 +71,7 @@ def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_
     assert coach.calibration.estimate.time_s > 5.9
 
 
-def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None:
+def test_swapped_receivers_are_named_and_their_correction_restarts_it() -> None:
     poses = calibration(5 * RATE_HZ)
     coach = a_coach()
     lines = coached(coach, exchange_receivers(poses, SWAPPED))
@@ -86,7 +86,7 @@ def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None
     assert "joints good enough after" in coach.end()[-16]
 
 
-def test_a_receiver_that_sends_nothing_is_named() -> None:
+def test_a_silent_receiver_is_named() -> None:
     poses, coach = calibration(), a_coach()
     valid = poses.valid.copy()
     valid[:, poses.index("ring_middle")] = False
@@ -98,7 +98,10 @@ def test_a_receiver_that_sends_nothing_is_named() -> None:
 
 
 def advised(sd_mm: Mapping[str, float], range_deg: float, *times_s: float) -> Coach:
-    """A coach that had the first movement, with joints of these errors, else believed, which moved so far."""
+    """Return a coach after the first movement and estimates at times_s [s].
+
+    sd_mm : errors of doubtful joints; the others are believed. range_deg : the range that every joint moved.
+    """
     joints = {joint for movement in MOVEMENTS.values() for joint in movement.range_deg}
     rows = {
         joint: {"joint": joint, "sd_mm": sd_mm.get(joint, 1.0), "range_deg": range_deg}
@@ -125,14 +128,14 @@ def advised(sd_mm: Mapping[str, float], range_deg: float, *times_s: float) -> Co
     ],
     ids=["thumb", "ring", "all", "waited-for", "no-longer"],
 )
-def test_the_movement_of_the_least_sure_joints_is_asked_for_until_it_is_seen(
+def test_the_movement_of_the_least_certain_joints_is_requested(
     sd_mm: dict[str, float], range_deg: float, times_s: tuple[float, ...], movement: str | None
 ) -> None:
     request = advised(sd_mm, range_deg, *times_s).calibration.request
     assert (request and request.movement.name) == movement
 
 
-def test_joints_that_movements_do_not_improve_are_left() -> None:
+def test_it_stops_at_joints_that_movements_do_not_improve() -> None:
     times_s = [7.0 * step for step in range(MOST_VAIN + 2)]
     assert advised({"index_mcp": 5.0}, 90.0, *times_s[: MOST_VAIN - 1]).phase != ENOUGH
     coach = advised({"index_mcp": 5.0}, 90.0, *times_s)
@@ -140,7 +143,7 @@ def test_joints_that_movements_do_not_improve_are_left() -> None:
     assert "left are index_mcp at 5.00 mm" in coach.advice
 
 
-def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_gap_is_skipped_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     poses = calibration().take(slice(0, 480))
     coach = a_coach()
     monkeypatch.setattr(coach, "_estimate", lambda: None)

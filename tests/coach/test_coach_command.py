@@ -1,4 +1,4 @@
-"""`shukotsu coach` as a user runs it, what it reads of a study, and the row that it adds to its sheet."""
+"""The command `shukotsu coach`, the study settings that it uses, and the row that it adds to the sheet."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "empty"
 
 
-def test_a_replay_needs_no_study_and_leaves_nothing(
+def test_a_replay_needs_no_study_and_leaves_no_file(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The same recording gives the same bytes, whatever the speed."""
+    """The output is the same at any speed."""
     assert coach([f"--replay={archive}", "--speed=4"]) == 0
     first = capsys.readouterr().out
     assert ">> Move every finger" in first
@@ -50,7 +50,7 @@ def test_a_replay_needs_no_study_and_leaves_nothing(
     assert re.search(r"Not calibrated: \d+ frames show no hand yet", capsys.readouterr().out)
 
 
-def test_a_file_that_grows_is_followed_to_its_end(
+def test_a_growing_file_is_followed_to_its_end(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     growing, data = folder / "growing.arrows", archive.read_bytes()
@@ -59,7 +59,7 @@ def test_a_file_that_grows_is_followed_to_its_end(
     def grow() -> None:
         end = time.monotonic() + PATIENCE_S
         while not growing.with_suffix(".html").is_file() and time.monotonic() < end:
-            time.sleep(0.01)  # the coach shows what there is
+            time.sleep(0.01)  # until the coach shows the first half
         growing.write_bytes(data)
 
     with ThreadPoolExecutor() as others:
@@ -69,7 +69,7 @@ def test_a_file_that_grows_is_followed_to_its_end(
     assert sorted(path.name for path in folder.iterdir()) == ["growing.arrows", "growing.html"]
 
 
-def test_a_page_that_can_be_written_no_more_costs_no_row(
+def test_the_row_is_added_although_the_page_cannot_be_written(
     archive: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
 
@@ -99,7 +99,7 @@ def test_a_page_that_can_be_written_no_more_costs_no_row(
     assert (row["file"], row["exclude"]) == ("captures/03_right_rom.arrows", "it shows no hand")
 
 
-def test_a_calibration_from_a_tracker_is_a_row_of_the_study(folder: Path, tmp_path: Path) -> None:
+def test_a_calibration_from_a_tracker_becomes_a_row_of_the_study(folder: Path, tmp_path: Path) -> None:
     assert new_study([str(folder)]) == 0
     (folder / "participants.tsv").write_text("subject\n03\n")
     played = write_poses(tmp_path / "a.parquet", recorded(seed=7001, n_frames=2880)[1], "right", "rom")
@@ -135,7 +135,7 @@ def study(tmp_path: Path) -> Path:
     return tmp_path / "piano/study.yaml"
 
 
-def test_sizes_lengths_and_what_is_asked_are_the_studys(study: Path) -> None:
+def test_sizes_measurements_and_wanted_errors_are_the_studys(study: Path) -> None:
     folder = study.parent
     (folder / "participants.tsv").write_text("subject\thand_length_mm\thand_breadth_mm\n03\t190\t85\n")
     rows = (
@@ -151,7 +151,7 @@ def test_sizes_lengths_and_what_is_asked_are_the_studys(study: Path) -> None:
     assert (hand.layout.name, hand.model.name, dict(hand.whose)) == ("liberty16", "whole-hand", WHOSE)
 
 
-def test_a_recording_becomes_the_next_repetition_and_every_byte_before_stays(study: Path) -> None:
+def test_a_recording_is_appended_to_the_sheet_as_the_next_trial(study: Path) -> None:
     sheet = study.parent / "recordings.tsv"
     before = b"\xef\xbb\xbfsubject\thand\ttask\trole\tfile\r\n03\tleft\trom\tboth\ta.csv\r\n\r\n"
     sheet.write_bytes(before)
@@ -173,7 +173,7 @@ def test_a_recording_becomes_the_next_repetition_and_every_byte_before_stays(stu
     assert sheet.read_text() == refused
 
 
-def test_no_archive_takes_the_place_of_another(tmp_path: Path) -> None:
+def test_a_new_archive_never_replaces_another(tmp_path: Path) -> None:
     first = new_archive(tmp_path, WHOSE, "left")
     assert first.relative_to(tmp_path).as_posix() == "captures/03_left_rom.arrows"
     first.parent.mkdir()

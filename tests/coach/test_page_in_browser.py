@@ -14,7 +14,7 @@ from shukotsu.coach.study import hand_alone
 
 
 @pytest.mark.slow
-def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
+def test_the_page_shows_hand_joints_and_advice_and_refreshes(
     watched_page: WatchedPage, tmp_path: Path
 ) -> None:
     coach, path, page = Coach(hand_alone(None, "right")), tmp_path / "page.html", watched_page.page
@@ -24,7 +24,7 @@ def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     assert coach.calibration.estimate is not None
     coach.findings = ["index_middle <b> is swapped"]
     write_page(path, coach, "a recording")
-    page.locator(".advice", has_text=coach.advice).wait_for()  # by itself
+    page.locator(".advice", has_text=coach.advice).wait_for()  # after its automatic refresh
     page.locator("tbody tr").nth(14).wait_for()
     page.locator(".warning", has_text="index_middle <b> is swapped").wait_for()
     coach.findings = []

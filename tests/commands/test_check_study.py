@@ -1,4 +1,4 @@
-"""`shukotsu check` of a study: what is written, lies outside, contradicts; and of a recording alone."""
+"""`shukotsu check` of a study and of a single recording: findings, notes and exit codes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def of_run(study: Path) -> set[tuple[str, ...]]:
-    """Recording, severity, kind and message of every finding that the stages of a run write."""
+    """Return (recording, severity, kind, message) of all findings that the stages of a run write."""
     findings = set()
     for path in write_plans(study).values():
         plan = read_plan(path)
@@ -54,7 +54,7 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
 
 
 @pytest.mark.slow
-def test_a_study_s_recordings_have_the_findings_of_its_run(
+def test_checking_a_study_gives_the_findings_of_its_run(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = sorted(Path().rglob("*"))
@@ -80,10 +80,10 @@ def test_a_study_s_recordings_have_the_findings_of_its_run(
     assert printed >= of_stages
     of_the_study = {(name, severity, kind) for name, severity, kind, _ in printed - of_stages}
     copies = {("P2 left rom", "suspect", "same-file"), ("P2 left seen", "note", "same-file")}
-    assert of_the_study == copies, "as `gather` has them"
+    assert of_the_study == copies, "as written by `gather`"
 
 
-def test_a_study_says_what_its_sheets_do_not_share(
+def test_subjects_that_are_missing_in_a_sheet_are_noted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -105,8 +105,8 @@ def test_a_study_says_what_its_sheets_do_not_share(
         (f"P1 right old both {'f' * 300}.csv", 2),
     ],
 )
-def test_the_exit_code_is_that_of_the_worst(study: Path, row: str, code: int) -> None:
-    """An accepted finding is a note; a row that is left out is one that cannot be read."""
+def test_the_exit_code_is_that_of_the_worst_finding(study: Path, row: str, code: int) -> None:
+    """An accepted finding counts as a note, a row that is left out as a recording that cannot be read."""
     rows = ["P1 right rom both rom.csv", row] if code == 2 else [row]
     assert check([str(write_study(study.parent, *rows))]) == code
 
@@ -119,7 +119,7 @@ def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_good_recording_has_three_lines_on_what_would_gain(
+def test_a_good_recording_has_three_suggested_measurements(
     rom: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert check([str(rom), "--hand", "right"]) == 0

@@ -1,4 +1,4 @@
-"""`shukotsu`: every command helps from any folder, quickly, with an example that its own parser takes."""
+"""The commands of `shukotsu`: their help, with a valid example and without slow imports."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ except SystemExit as ended:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_helps_from_another_folder(tmp_path: Path, command: str) -> None:
-    """The example's command is this one, its options are the parser's, and nothing heavy is imported."""
+def test_a_commands_help_is_fast_and_has_a_valid_example(tmp_path: Path, command: str) -> None:
+    """Run in another folder, the help has an example of the command with existing options, and imports no
+    large package.
+    """
     done = run_python(tmp_path, "-c", LIGHT_HELP, command, "--help")
     assert done.returncode == 0, done.stderr
     help_text, _, example = done.stdout.partition("example:")
@@ -36,7 +38,7 @@ def test_a_command_helps_from_another_folder(tmp_path: Path, command: str) -> No
     assert [option for option in arguments if option.startswith("--") and option not in help_text] == []
 
 
-def test_the_help_names_every_command(tmp_path: Path) -> None:
+def test_the_help_lists_every_command(tmp_path: Path) -> None:
     done = run_python(tmp_path, "-m", "shukotsu", "--help")
     assert done.returncode == 0
     for name, command in COMMANDS.items():

@@ -1,4 +1,4 @@
-"""`shukotsu doctor`: what is there is ok, what is not is named with its remedy, and only the needed fails."""
+"""`shukotsu doctor`: each check's result with its remedy; only required parts make it fail."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shukotsu.commands import doctor
 
 
 @pytest.mark.parametrize("absent", ["", "scipy"])
-def test_every_check_has_a_line_and_a_package_that_is_missing_ends_with_2(
+def test_every_check_has_a_line_and_a_missing_package_exits_with_2(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], absent: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -32,7 +32,7 @@ def test_every_check_has_a_line_and_a_package_that_is_missing_ends_with_2(
     assert tracker.split()[1] == "tracker"
 
 
-def test_a_port_that_is_closed_to_this_user_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_without_permission_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     import serial.tools.list_ports
 
     port = SimpleNamespace(device="/dev/ttyUSB7")

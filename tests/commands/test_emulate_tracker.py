@@ -1,4 +1,4 @@
-"""The commands `emulate` and `record`: what is at the emulator's port, and which ports there are."""
+"""The commands `emulate` and `record`: the emulator's TCP port, and the list of devices."""
 
 from __future__ import annotations
 
@@ -33,6 +33,6 @@ def test_tcp_serves_one_client_at_a_time() -> None:
                 received += later.recv(4096)
 
 
-def test_ports_are_listed_without_one(capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_are_listed_without_a_port_option(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["record", "--devices"]) == 0
     assert capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""`shukotsu inspect`: what it says of each kind of file; its drafts lead to an import."""
+"""`shukotsu inspect`: descriptions of each kind of file, and drafted mappings that can be imported."""
 
 import itertools
 import re
@@ -39,7 +39,7 @@ def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> "Run":
 
 
 class Run:
-    """The command run on files in a folder of its own."""
+    """Runs the command on files in a separate folder."""
 
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.folder, self._capsys = folder, capsys
@@ -52,24 +52,24 @@ class Run:
         return path
 
     def table(self, name: str, titles: str, rows: Iterable[Iterable[float]], mark: str = ",") -> Path:
-        """Write a table, without a header where there are no titles."""
+        """Write a table, without a header if titles is empty."""
         lines = [mark.join(f"{value:.6f}" for value in row) for row in rows]
         return self.write(name, "\n".join([titles.replace(",", mark), *lines] if titles else lines) + "\n")
 
     def inspect(self, path: Path, *words: str, code: int = 0) -> str:
-        """What the command prints, to stdout or on bad input to stderr."""
+        """Return the command's output, from stderr if it must fail."""
         assert main(["inspect", str(path), "--layout", "arm", *words]) == code
         out = self._capsys.readouterr()
         return out.err if code else out.out
 
     def drafted(self, path: Path) -> str:
-        """What it prints when it drafts a mapping, too."""
+        """Draft a mapping and return the command's output."""
         return self.inspect(path, "--write-mapping", str(self.mapping))
 
     def imported(self, path: Path, answers: dict[str, str]) -> Samples:
-        """The file read by its draft with the first place of each key set right.
+        """Read the file by its draft, with the first CHECK of each key replaced by its answer.
 
-        Names go by their CHECK name.
+        Receivers are named by their CHECK names.
         """
         with pytest.raises(InputError, match=r"still says? CHECK: put the truth there"):
             read_mapping(self.mapping)
@@ -84,7 +84,7 @@ class Run:
 
 
 def test_a_file_of_both_hands_is_drafted_by_stations(run: Run) -> None:
-    """As a laboratory exports it: one line a kind, one word to edit, one mapping of both hands."""
+    """The output has one line per kind of column; the mapping has one word to edit and serves both hands."""
     names = [f"S{n}_{part}" for n in range(32, 0, -1) for part in ("X", "Y", "Z", "Az", "El", "Ro")]
     place = 0.9 * np.arange(32)[::-1] + PLACE[:, :1]
     cells = np.stack([place, 0 * place, 0 * place, 100 + 30 * np.sin(place), 0 * place, 0 * place], -1)
@@ -104,14 +104,14 @@ def test_a_file_of_both_hands_is_drafted_by_stations(run: Run) -> None:
     assert [*right.receivers][:2] == [*left.receivers][:2] == ["hand", "thumb_metacarpal"]
     run.mapping.write_text(run.mapping.read_text("utf-8").replace('"S32_X", ', ""), "utf-8")
     with pytest.raises(InputError, match=r"little_distal\.position"):
-        read_mapping(run.mapping)  # also for the right hand: it is one file
+        read_mapping(run.mapping)  # also for the right hand, as it is one file
 
 
 FORWARD = {"rotates": "receiver-to-transmitter"}
 
 
 @pytest.mark.parametrize("empty_line", ["\n", ",,,\r\n"])
-def test_of_two_tables_in_a_file_the_draft_names_one(run: Run, empty_line: str) -> None:
+def test_a_draft_of_a_file_with_two_tables_names_one(run: Run, empty_line: str) -> None:
     """Names over three lines, rotation vectors, and another table behind them, as Vicon Nexus exports it."""
     turned = Rotation.from_quat(TURNED, scalar_first=True).as_rotvec(degrees=True)
     place_mm = 300 * PLACE
@@ -133,7 +133,7 @@ def test_of_two_tables_in_a_file_the_draft_names_one(run: Run, empty_line: str) 
     recording_files.refuse(path, "v.csv: has 2 tables; csv.table is 3", ARM, mapping)
 
 
-def test_the_guides_page_shows_what_is_printed(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_guides_page_shows_the_printed_output(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(run.folder)
     run.write("session3.csv", GUIDE_FILE)
     page = (REPOSITORY / "docs" / "mappings.md").read_text("utf-8")
@@ -145,7 +145,7 @@ def test_the_guides_page_shows_what_is_printed(run: Run, monkeypatch: pytest.Mon
     np.testing.assert_allclose(samples.numbers[hand, 0], np.array([10.1, 10.2, 10.4]) * 25.4)
 
 
-def test_a_wide_table_of_quaternions_is_drafted_with_its_columns_and_unit(run: Run) -> None:
+def test_a_wide_table_of_quaternions_is_described_and_drafted(run: Run) -> None:
     cells = np.concatenate([np.arange(FRAMES)[:, None] / 120, PLACE, TURNED], 1)
     path = run.table("old.txt", "t,px,py,pz,w,i,j,k", cells, "\t")
     out = run.inspect(path)
@@ -169,7 +169,7 @@ def test_a_wide_table_of_quaternions_is_drafted_with_its_columns_and_unit(run: R
 
 
 @pytest.mark.parametrize("dates", [False, True])
-def test_seconds_and_nanoseconds_are_one_time_and_so_are_dates(run: Run, dates: bool) -> None:
+def test_seconds_with_nanoseconds_or_dates_are_drafted_as_the_time(run: Run, dates: bool) -> None:
     stamps = [f"stamp {1_700_000_000 + t // 30} {t % 30 * 33_333_333}" for t in range(FRAMES)]
     titles = ["header.stamp.sec", "header.stamp.nanosec", "child_frame_id", "x", "y", "z"]
     titles += ["qw", "qx", "qy", "qz"]
@@ -190,7 +190,7 @@ def test_seconds_and_nanoseconds_are_one_time_and_so_are_dates(run: Run, dates: 
     np.testing.assert_allclose(samples.time_s[hand] - 1.7e9, np.arange(FRAMES) / 30, atol=2e-6)
 
 
-def test_receivers_by_the_dozen_have_one_line_and_a_glove_is_refused(run: Run) -> None:
+def test_many_receivers_have_one_line_and_a_glove_is_refused(run: Run) -> None:
     glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", TURNED)
     assert "has joint angles (Thumb_MCP_Flex, " in run.inspect(glove, code=2)
     titles = [f"s{n}_{axis}" for n in range(17) for axis in ("x", "y", "z", "qw", "qx", "qy", "qz")]
@@ -198,8 +198,8 @@ def test_receivers_by_the_dozen_have_one_line_and_a_glove_is_refused(run: Run) -
     assert run.inspect(many).count("\nposition") == 1
 
 
-def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
-    """Rows that are lost, and a last round that is cut short, leave the others in their frames."""
+def test_a_trackers_text_output_is_drafted_by_station(run: Run) -> None:
+    """A lost row and an incomplete last cycle do not shift the frames of the other rows."""
     rows = [
         f"0{station} {frame + 0.5:8.4f} {station + 0.25:8.4f} 3.2500 {3 * frame:9.4f} {station:8.4f} 0.0000\n"
         for frame in range(30)
@@ -221,7 +221,7 @@ def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(30) + 0.5) * 25.4)
 
 
-def test_the_rigid_clusters_of_a_c3d_file_are_drafted_whatever_its_markers_are_called(run: Run) -> None:
+def test_rigid_clusters_of_a_c3d_file_are_drafted_for_any_labels(run: Run) -> None:
     shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
     motions = (TURNED, 1000 * PLACE), (TURNED[::-1], 300 * PLACE[::-1])
     rigid = [shape @ np.swapaxes(matrix(turn), 1, 2) + mm[:, None] for turn, mm in motions]
@@ -244,7 +244,7 @@ SEGMENTS = ("scapula", "upper_arm", "forearm", "hand")
 
 
 def in_turn() -> np.ndarray:
-    """Plates of four markers on an arm whose joints bend one after the other, each for a short while."""
+    """Return the markers (T, 16, 3) of four plates on an arm whose joints bend briefly one after another."""
     rng, time = np.random.default_rng(4), np.linspace(0, 1, 1200)
     turn = about_axis(np.array([0.6, 0.0, 0.8]), 0.7 * np.sin(9 * time))
     place, plates = np.stack([80 * np.sin(5 * time), 60 * np.cos(7 * time), 40 * time], -1), []
@@ -263,7 +263,7 @@ PLATE = np.array([[0.0, 0, 0], [18, 0, 0], [4, 15, 0], [10, 8, 8]])
 
 @pytest.mark.parametrize("spoilt", ["nothing", "occluded", "zeros", "labels exchanged"])
 @pytest.mark.parametrize("named", [True, False])
-def test_joints_that_move_in_turn_make_no_cluster(run: Run, spoilt: str, named: bool) -> None:
+def test_plates_whose_joints_move_in_turn_are_separate_clusters(run: Run, spoilt: str, named: bool) -> None:
     points = in_turn()
     if spoilt == "occluded":
         points[400:560, 2] = points[640:800, 9] = np.nan
@@ -285,7 +285,7 @@ def test_joints_that_move_in_turn_make_no_cluster(run: Run, spoilt: str, named: 
 
 
 @pytest.mark.slow
-def test_a_cluster_on_two_bones_is_found_and_its_cure_leaves_no_finding(
+def test_a_cluster_on_two_bones_is_found_and_its_cure_works(
     run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:
     labels = [f"M{n}" for n in range(16)]
@@ -320,13 +320,13 @@ NAMES = {
     "{} [{}] (mm)": "{} [q{}]",
     "t{1}_{0}": "q{1}_{0}",
 }
-"""Titles of receivers by number and axis."""
+"""Titles of position columns by receiver and axis, with those of the orientations."""
 
 
 @pytest.mark.parametrize("gap", ["no position", "empty position", "empty orientation", "all empty"])
 @pytest.mark.parametrize("names", NAMES)
 def test_a_draft_pairs_columns_by_their_names(run: Run, names: str, gap: str) -> None:
-    """Orientations stand in the opposite order; the second receiver lacks what `gap` says."""
+    """Orientation columns are in reverse order; the second receiver lacks the data named by `gap`."""
     axes = ("XYZ", "WXYZ") if "Body" in names or names.startswith("{1}") else ("xyz", "wxyz")
     places, turns = (
         [[text.format(n, axis) for axis in letters] for n in (1, 2, 3)]
@@ -354,7 +354,7 @@ def test_a_draft_pairs_columns_by_their_names(run: Run, names: str, gap: str) ->
     assert f"# {left}" in text
 
 
-def test_order_alone_pairs_with_a_check_and_not_against_names(run: Run) -> None:
+def test_columns_paired_by_order_alone_are_marked_with_check(run: Run) -> None:
     rows = np.concatenate([np.arange(FRAMES)[:, None] / 120, 1000 * PLACE, TURNED, TURNED[::-1]], 1)
     titles = "time_s,hand_x,hand_y,hand_z,headset_qw,headset_qx,headset_qy,headset_qz"
     run.drafted(run.table("a.csv", titles, rows[:, :8]))
@@ -368,7 +368,7 @@ TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 TIDY_ROWS = "7,0.5,hand,1,2,3,1,0,0,0\n8,0.51,hand,,,,,,,\n8,0.51,elbow,1,2,3,1,0,0,0\n"
 
 
-def test_files_of_this_project_need_no_mapping(run: Run) -> None:
+def test_tidy_files_and_tables_need_no_mapping(run: Run) -> None:
     path = run.write("rom.csv", TIDY + TIDY_ROWS)
     out = run.inspect(path)
     assert "a tidy recording (CSV): needs no mapping" in out

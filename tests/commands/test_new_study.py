@@ -1,4 +1,4 @@
-"""`shukotsu new`: a folder whose study reads once its rows are filled in; file names; drafted mappings."""
+"""`shukotsu new`: the new study folder, rows drafted from file names, and drafted mappings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROW = "P1\tright\trom\tboth\trom.csv\n"
 
 
 @pytest.mark.parametrize("language", ["en", "ja"])
-def test_a_new_study_reads_when_a_row_is_written(
+def test_a_new_study_is_valid_once_it_has_a_row(
     tmp_path: Path, language: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(style, "font_of", lambda _: Path("installed.ttf"))
@@ -35,7 +35,7 @@ def test_a_new_study_reads_when_a_row_is_written(
 
 
 @pytest.mark.parametrize(("name", "study"), [("ピアノ 研究", "study"), ("grip's 2", "grip-s-2")])
-def test_a_folder_may_have_any_name(
+def test_the_studys_name_is_derived_from_any_folder_name(
     tmp_path: Path, name: str, study: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -50,10 +50,10 @@ def sheet(folder: Path) -> list[list[str]]:
     return [row.split("\t") for row in (folder / "recordings.tsv").read_text().splitlines()]
 
 
-def test_a_row_is_drafted_for_every_recording_by_its_name(
+def test_a_row_is_drafted_from_every_recordings_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What a name does not say stays empty; a file that cannot be read keeps its row and is named."""
+    """Cells that the name does not determine are empty; an unreadable file keeps its row and is reported."""
     (tmp_path / "old" / "P2").mkdir(parents=True)
     names = ("P2/grip_left_3.csv", "P1_R_calib.arrows", "notes.md", "P1_R_scales.C3D", "rom_motion.tsv")
     for name in (*names, "rom_channels.tsv", "participants.tsv"):
@@ -103,7 +103,7 @@ def test_subject_hand_task_and_trial_are_read_from_file_names(name: str, parts: 
     assert vars(read) == EMPTY | dict(word.split("=") for word in parts.split())
 
 
-def test_a_task_is_evaluated_by_the_calibration_of_the_same_hand_and_session() -> None:
+def test_a_task_is_for_evaluation_if_its_hand_and_session_has_a_calibration() -> None:
     names = ["P1_L_rom.csv", "P1_L_grip.csv", "P1_R_grip.csv", "P1_ses-2_L_grip.csv"]
     roles = [parts.role for parts in parts_of_names(map(Path, names))]
     assert roles == ["calibration", "evaluation", "both", "both"]
@@ -111,7 +111,9 @@ def test_a_task_is_evaluated_by_the_calibration_of_the_same_hand_and_session() -
 
 @pytest.fixture
 def tables(tmp_path: Path) -> Path:
-    """A folder of four files: small angles, larger ones under the same titles, another time unit, nothing."""
+    """A folder of four files: small angles, large angles with the same titles, another time unit, and
+    empty.
+    """
     (tmp_path / "piano" / "old").mkdir(parents=True)
     for name, step_deg, unit in (("P1_L_rom", 0.1, "s"), ("P1_R_rom", 9.0, "s"), ("P2_R_rom", 9.0, "ms")):
         rows = [(n / 100, n, n * 2, n * 3, *(n * step_deg / part for part in (1, 2, 3))) for n in range(9)]
@@ -121,12 +123,14 @@ def tables(tmp_path: Path) -> Path:
     return tmp_path / "piano" / "old"
 
 
-def test_files_that_are_alike_share_a_mapping(tables: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Angles of small turns may be radians; the same columns' large ones are degrees."""
+def test_files_with_equal_columns_share_a_mapping(tables: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Small angles alone could be in radians; larger ones in the same columns of another file show
+    degrees.
+    """
     assert new([str(tables.parent), "--recordings", str(tables), "--layout", "arm"]) == 0
     rows = sheet(tables.parent)
     assert [row[-1] for row in rows] == ["mapping", "mapping.yaml", "mapping.yaml", "mapping-2.yaml", ""]
-    assert rows[1][4] == "old/P1_L_rom.csv", "as the study has it"
+    assert rows[1][4] == "old/P1_L_rom.csv", "relative to the study"
     mapping = (tables.parent / "mapping.yaml").read_text()
     assert "Drafted from P1_R_rom.csv" in mapping
     assert "by segment of layout arm" in mapping

@@ -1,4 +1,4 @@
-"""What notebooks get: tables with their units, posed hands wherever the results are, at any joint angles."""
+"""The interface for notebooks: tables with units, posed recordings, and hands at given joint angles."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return simulated_hand(tmp_path_factory.mktemp("study"), request.param)
 
 
-def test_importing_it_imports_nothing_heavy() -> None:
+def test_importing_the_package_imports_no_large_package() -> None:
     heavy = "{'numpy', 'pandas', 'pyarrow', 'matplotlib', 'xarray'}"
     look = f"import shukotsu, sys; sys.exit(str({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=False)
@@ -35,7 +35,7 @@ def test_importing_it_imports_nothing_heavy() -> None:
         shukotsu.raed  # noqa: B018
 
 
-def test_a_table_comes_with_units_and_gaps(study: SimulatedHand) -> None:
+def test_a_table_is_read_with_units_and_gaps(study: SimulatedHand) -> None:
     path = study.path(REPLAYED, JOINT_CENTRES)
     frame, table = shukotsu.read(str(path)), read_table(path, JOINT_CENTRES)
     assert list(frame.columns) == table.column_names
@@ -48,10 +48,8 @@ def test_a_table_comes_with_units_and_gaps(study: SimulatedHand) -> None:
     assert frame.attrs["descriptions"].keys() == set(frame.columns)
 
 
-def test_a_folder_has_all_subjects_tables_with_what_people_group_by(
-    study: SimulatedHand, tmp_path: Path
-) -> None:
-    """Of two subjects in two groups, with levels of recordings where rows are of recordings."""
+def test_a_folder_is_read_as_joined_tables_with_factors(study: SimulatedHand, tmp_path: Path) -> None:
+    """Two subjects are in two groups; factors of recordings appear only in tables with rows per recording."""
     table = pq.read_table(study.path(REPLAYED, JOINT_CENTRES))
     plan = json.loads(study.plan_path.read_text("utf-8"))
     for subject, group in (("01", "piano"), ("02", "none")):
@@ -80,7 +78,7 @@ def test_a_folder_has_all_subjects_tables_with_what_people_group_by(
 
 
 @pytest.mark.parametrize("model", [FITTED, REPLAYED])
-def test_a_hand_is_posed_as_the_pipeline_poses_it(study: SimulatedHand, model: str) -> None:
+def test_a_hand_is_posed_as_by_the_pipeline(study: SimulatedHand, model: str) -> None:
     hand = shukotsu.pose(study.plan.folder.parent, "01", study.simulated.hand, "opposition", model=model)
     bones = recording_reader(study.plan, study.recording, model).bones(study.poses())
     assert hand.names == bones.names
@@ -89,7 +87,7 @@ def test_a_hand_is_posed_as_the_pipeline_poses_it(study: SimulatedHand, model: s
     assert np.isfinite(hand.time_s).all()
 
 
-def test_a_posed_hand_is_a_data_set_with_named_dimensions_and_units(
+def test_a_posed_hand_converts_to_xarray_with_names_and_units(
     posed: shukotsu.PosedRecording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = posed.to_xarray()
@@ -117,7 +115,7 @@ def test_a_posed_hand_is_a_data_set_with_named_dimensions_and_units(
         ({"model": "whole_hand"}, "model 'whole_hand' is not in study test; did you mean 'whole-hand'"),
     ],
 )
-def test_a_name_outside_the_study_is_refused(
+def test_unknown_subjects_tasks_and_models_are_refused(
     study: SimulatedHand, words: dict[str, str], message: str
 ) -> None:
     which = {"subject": "01", "hand": study.simulated.hand, "task": "opposition"} | words
@@ -134,27 +132,27 @@ def posed(study: SimulatedHand) -> shukotsu.PosedRecording:
 
 
 def angles_in(posed: shukotsu.PosedRecording, joint: str) -> np.ndarray:
-    """Joint angles (T, 3) of a posed hand."""
+    """Return the joint angles (T, 3) of a posed hand in deg."""
     child = posed.index(joint)
     bones = posed.quaternion[:, posed.parents[child]], posed.quaternion[:, child]
     return joint_angles(*bones, posed.hand, posed.neutral[child])
 
 
-def test_a_bent_hand_has_the_angles_that_were_asked_for(posed: shukotsu.PosedRecording) -> None:
+def test_a_bent_hand_has_the_requested_angles(posed: shukotsu.PosedRecording) -> None:
     bent = shukotsu.bend(posed, ANGLES)
     for joint in ("index_mcp", "index_pip", "thumb_mcp", "ring_pip"):
         expected = ANGLES.get(joint, (0.0, 0.0, 0.0))
         np.testing.assert_allclose(angles_in(bent, joint), [expected], atol=1e-6)
 
 
-def test_a_flexed_finger_goes_to_the_palm(posed: shukotsu.PosedRecording) -> None:
+def test_a_flexed_finger_moves_to_the_palm(posed: shukotsu.PosedRecording) -> None:
     tip = posed.index("index_tip")
     straight, flexed = (shukotsu.bend(posed, {"index_mcp": angle}).position_mm[0, tip] for angle in (0, 80))
     assert flexed[2] < straight[2] - 40  # dorsal
     assert flexed[0] < straight[0] - 40  # distal
 
 
-def test_the_recordings_own_angles_give_its_own_fingers_back(posed: shukotsu.PosedRecording) -> None:
+def test_bending_by_the_recordings_angles_gives_its_fingers(posed: shukotsu.PosedRecording) -> None:
     moving = ("index_mcp", "index_pip", "index_dip")
     bent = shukotsu.bend(posed, {joint: angles_in(posed, joint) for joint in moving})
     base = posed.index("index_mcp")
@@ -163,7 +161,7 @@ def test_the_recordings_own_angles_give_its_own_fingers_back(posed: shukotsu.Pos
         far, again = (
             np.linalg.norm(h.position_mm[:, index] - h.position_mm[:, base], axis=-1) for h in (posed, bent)
         )
-        np.testing.assert_allclose(again, far, atol=0.05)  # its joints glide as they bend
+        np.testing.assert_allclose(again, far, atol=0.05)  # joints glide as they bend
     assert len(bent.frame) == len(posed.frame)
     assert np.isnan(bent.time_s).all()
 
@@ -176,7 +174,7 @@ def test_the_recordings_own_angles_give_its_own_fingers_back(posed: shukotsu.Pos
         ({"index_mcp": np.zeros((3, 3)), "ring_mcp": np.zeros((4, 3))}, "angles over 3 frames and 4 frames"),
     ],
 )
-def test_angles_that_no_hand_can_have_are_refused(
+def test_angles_of_unknown_joints_or_wrong_shapes_are_refused(
     posed: shukotsu.PosedRecording, angles: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):

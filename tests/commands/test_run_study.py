@@ -1,4 +1,4 @@
-"""What `shukotsu run` starts: Snakemake in an environment that works, which ends with it."""
+"""How `shukotsu run` starts Snakemake: its environment, signals and lock."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ from shukotsu.commands import run_study
 from shukotsu.workflow import one_run
 
 
-def test_nothing_of_the_persons_own_changes_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_users_environment_does_not_change_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in run_study.UNWANTED:
         monkeypatch.setenv(name, "mine")
@@ -48,8 +48,8 @@ ENDS = {
 
 @pytest.mark.parametrize("kill", [os.kill, os.killpg])
 @pytest.mark.parametrize("name", ENDS)
-def test_a_signal_ends_all_that_was_started(name: str, kill: Callable[[int, int], None]) -> None:
-    """Also what takes no SIGTERM: with one sentence, and the code of the signal."""
+def test_a_signal_ends_all_started_processes(name: str, kill: Callable[[int, int], None]) -> None:
+    """Processes that ignore SIGTERM are ended too, with one sentence and the signal's exit code."""
     child = (
         "import signal, subprocess; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
         "subprocess.Popen(['sleep', '600']); print(1, flush=True); signal.pause()"
@@ -70,7 +70,7 @@ def test_a_signal_ends_all_that_was_started(name: str, kill: Callable[[int, int]
 
 @pytest.mark.parametrize("name", ENDS)
 @pytest.mark.parametrize("module", ["shukotsu.command_line", "shukotsu.study.study"])
-def test_a_signal_while_modules_are_imported_is_one_sentence(name: str, module: str) -> None:
+def test_a_signal_during_imports_ends_with_one_sentence(name: str, module: str) -> None:
     code = (
         "import os, signal, sys\n"
         "class Finder:\n"
@@ -84,7 +84,7 @@ def test_a_signal_while_modules_are_imported_is_one_sentence(name: str, module: 
     assert (done.returncode, done.stderr) == (ENDS[name][0], f"error: {ENDS[name][1]}\n")
 
 
-def test_the_lock_is_handed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lock_is_passed_to_the_started_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(one_run, "_held", {})
     lock = one_run.hold(Path("results", "a"))

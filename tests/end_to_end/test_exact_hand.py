@@ -1,7 +1,7 @@
-"""A simulated hand that keeps every assumption of the paper comes back exactly, whole pipeline over files.
+"""The whole pipeline recovers a simulated hand exactly if it fulfils all assumptions of the paper.
 
-The simulator and the estimator share no code but the quaternions; what is exact here is the paper's
-mathematics where its assumptions hold. Where one is dropped, the error that appears is that one's.
+The simulator and the estimator share no code except quaternions. If one assumption is dropped, the error that
+appears is due to it.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ Run = Callable[..., tuple[HandResults, Simulated]]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Simulate a hand and run it through the pipeline; each distinct hand once."""
+    """Function that simulates a hand and runs it through the pipeline, once for each distinct hand."""
     done: dict[Any, tuple[HandResults, Simulated]] = {}
 
     def simulate_and_run(
@@ -56,7 +56,7 @@ def vector(row: Row, prefix: str, suffix: str = "_mm") -> Array:
 
 
 def centre_errors_mm(results: HandResults, simulated: Simulated) -> dict[str, float]:
-    """Distance of every joint centre from the truth, the worse of both halves."""
+    """Return each joint centre's distance from the truth in mm, the larger of p and q."""
     joints = results.joints()
     return {
         name: max(
@@ -71,7 +71,7 @@ def centre_errors_mm(results: HandResults, simulated: Simulated) -> dict[str, fl
 def posture_errors_deg(
     results: HandResults, simulated: Simulated, digits: tuple[str, ...]
 ) -> dict[str, Array]:
-    """Per digit (T,): how far the metacarpal's change of posture since frame 1 is from the truth."""
+    """Return, by digit, the error (T,) in deg of the metacarpal's change of posture since frame 1."""
     table = read_table(results.path("metacarpals"), METACARPALS)
     named = np.array(table.column("digit").to_pylist())
     errors = {}
@@ -93,8 +93,8 @@ def posture_errors_deg(
         pytest.param("left", "rom", False, marks=pytest.mark.slow),
     ],
 )
-def test_exact_hand_comes_back(run: Run, hand: str, task: str, forearm: bool) -> None:
-    """Every centre to 1e-6 mm, axis and metacarpal posture to 1e-6 deg, tip error zero to rounding."""
+def test_an_exact_hand_is_recovered(run: Run, hand: str, task: str, forearm: bool) -> None:
+    """Centres and tips are within 1e-6 mm, axes and metacarpal postures within 1e-6 deg."""
     results, simulated = run(Realism.exact(), hand=hand, task=task, forearm=forearm)
     errors = centre_errors_mm(results, simulated)
     assert len(errors) == 15
@@ -114,8 +114,8 @@ def test_exact_hand_comes_back(run: Run, hand: str, task: str, forearm: bool) ->
             assert row["max_mm"] < 1e-6, (binding, digit)
 
 
-def test_metacarpals_at_rest_are_the_whole_of_table_1(run: Run) -> None:
-    """With everything else exact, Table 1's error is the metacarpal pointing the wrong way, and no more."""
+def test_metacarpals_at_rest_explain_all_of_table_1(run: Run) -> None:
+    """If everything else is exact, Table 1's tip error is that of the metacarpals' wrong direction."""
     results, simulated = run(Realism.exact(), "paper-fig3-rest")
     mcp = simulated.truth.bone_position_mm
     wrist = mcp[:, BONES.index("hand")]
@@ -130,6 +130,6 @@ def test_metacarpals_at_rest_are_the_whole_of_table_1(run: Run) -> None:
 
 
 def test_noise_alone_moves_no_centre_by_a_millimetre(run: Run) -> None:
-    """Tracker noise without skin: every centre within 1 mm over a range-of-motion recording."""
+    """With tracker noise but no skin motion, every centre is within 1 mm of the truth."""
     results, simulated = run(replace(Realism.exact(), noise=1.0))
     assert max(centre_errors_mm(results, simulated).values()) < 1.0

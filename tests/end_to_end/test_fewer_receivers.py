@@ -1,4 +1,4 @@
-"""A subject calibrated with sixteen receivers who does a task with six: every stage, by the plan."""
+"""Every stage for a subject calibrated with sixteen receivers who performs a task with six."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
     return subject
 
 
-def test_the_hand_has_the_larger_layout_and_nobody_misses_what_was_not_worn(subject: PlannedSubject) -> None:
+def test_the_larger_layout_is_used_and_unworn_receivers_are_not_absent(subject: PlannedSubject) -> None:
     assert subject.plan.layouts["right"].name == "liberty16"
     assert read_metadata(subject.poses("tips"))["parameters"]["absent"] == []
     assert set(read_table(subject.poses("tips"), POSES)["segment"].to_pylist()) == set(SIX)
     assert list(rows_of(read_table(subject.plan_file.with_name("findings.parquet"), FINDINGS))) == []
 
 
-def test_a_fitted_hand_is_posed_with_an_error_for_everything(subject: PlannedSubject) -> None:
+def test_a_fitted_hand_is_posed_completely_with_errors(subject: PlannedSubject) -> None:
     part, folder = subject.part("quick"), subject.fit_folder()
     for name, numbers, count in (
         ("joint_angles", ("flexion_deg", "flexion_sd_deg"), 17),
@@ -67,8 +67,8 @@ def test_a_fitted_hand_is_posed_with_an_error_for_everything(subject: PlannedSub
         assert np.isfinite(values).all(), name
 
 
-def test_what_cannot_be_scored_is_said_in_words(subject: PlannedSubject) -> None:
-    """A replay names the receivers that it lacks; a fitted hand is scored all the same."""
+def test_the_reason_for_missing_scores_is_stated(subject: PlannedSubject) -> None:
+    """A replay names the receivers that are missing; a fitted hand is scored nevertheless."""
     folder = subject.plan_file.parent
     for model in ("rigid", "quick"):
         errors = subject.rows(folder / "tip_errors.parquet", "tip_errors", subject.part(model))

@@ -1,4 +1,4 @@
-"""A bug in any stage of a subject, in a part of it or outside: the study ends with a report that names it."""
+"""A study with a bug in any stage still ends with a report that names the bug."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ TOGETHER = (
     ("estimate_metacarpals",),
     ("evaluate_skeletons", "measure_movement", "export"),
 )
-"""Stages that have their bugs in one study, as none keeps a later one from its own."""
+"""Groups of stages whose bugs are planted in the same study, as none prevents the others from running."""
 
 
 def run(subject: PlannedSubject, stage: str) -> None:
-    """Run one stage of the subject as a study does; a failure fails the test."""
+    """Run one stage of the subject as a study does, and check that it succeeds."""
     folder = subject.plan_file.parent
     argv = [*of_plan(stage, subject.plan_file), "--record-failure"]
     argv += [option.format(folder) for option in STAGES[stage]]
@@ -88,7 +88,7 @@ def raising(*_: Any, **__: Any) -> None:
 
 @pytest.mark.parametrize("places", [IN_A_PART, OUTSIDE], ids=["in-a-part", "outside"])
 @pytest.mark.parametrize("stages", TOGETHER, ids=" and ".join)
-def test_the_study_ends_with_a_report_that_names_it(
+def test_the_study_ends_with_a_report_that_names_the_bug(
     sound: PlannedSubject,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -1,4 +1,4 @@
-"""One recording of a hand is spoilt: every number of the other hand is as if the person had no such hand."""
+"""A faulty recording of one hand leaves all results of the other as if that hand had not been recorded."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAY_BE_EMPTY = ("movement_cycles", "cycle_curves", "moved_receivers", "event_str
 ALONE = "fitted without the left hand's bone lengths: "
 
 
-def find(subject: PlannedSubject, **finding: str) -> None:
+def write_finding(subject: PlannedSubject, **finding: str) -> None:
     keys = {"subject": "01", "session": "", "hand": "left", "trial": ""}
     rows = [keys | finding_of_text("units", SUSPECT, "In inch.").columns | finding] if finding else []
     table = subject.plan_file.with_name("findings.parquet")
@@ -37,7 +37,7 @@ def find(subject: PlannedSubject, **finding: str) -> None:
 
 
 def run(subject: PlannedSubject) -> PlannedSubject:
-    """Run every stage of the subject that comes after the findings, as a study does."""
+    """Run all stages of the subject after the findings, as a study does."""
     folder = subject.plan_file.parent
     for model in ("quick", REFERENCE):
         assert subject.fit_hands("--record-failure", model=model) == 0
@@ -54,15 +54,15 @@ def recorded_subject(folder: Path, recordings: Sequence[tuple[str, str, str]]) -
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    """The right hand of a person of whom nobody recorded the left."""
+    """The right hand of a person without recordings of the left hand."""
     subject = recorded_subject(tmp_path_factory.mktemp("alone"), RIGHT)
-    find(subject)
+    write_finding(subject)
     return run(subject)
 
 
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the same person with both hands, of which no stage was run."""
+    """Folder of the same person with both hands, before any stage was run."""
     return recorded_subject(tmp_path_factory.mktemp("both"), RIGHT + LEFT).folder
 
 
@@ -79,7 +79,7 @@ def notes(subject: PlannedSubject, hand: str = "right") -> set[str]:
     return {part.get("note", "") for part in parts.values()}
 
 
-def assert_right_hand_is_alone(subject: PlannedSubject, alone: PlannedSubject) -> None:
+def assert_right_hand_equals_one_alone(subject: PlannedSubject, alone: PlannedSubject) -> None:
     for name in (*WRITTEN, *FIT_TABLES):
         expected = of_the_right_hand(alone, name)
         assert expected.num_rows or name in MAY_BE_EMPTY, name
@@ -89,31 +89,31 @@ def assert_right_hand_is_alone(subject: PlannedSubject, alone: PlannedSubject) -
 @pytest.mark.parametrize(
     ("task", "severity"), [("rom", "suspect"), ("rom", "refused"), ("opposition", "suspect")]
 )
-def test_a_finding_on_one_hand_changes_no_bit_of_the_other(
+def test_a_finding_on_one_hand_does_not_change_the_other(
     both: Path, alone: PlannedSubject, tmp_path: Path, task: str, severity: str
 ) -> None:
     subject = PlannedSubject(both).copied(tmp_path)
-    find(subject, task=task, severity=severity)
-    assert_right_hand_is_alone(run(subject), alone)
+    write_finding(subject, task=task, severity=severity)
+    assert_right_hand_equals_one_alone(run(subject), alone)
     assert notes(subject) == {f"{ALONE}there is a finding on the left hand's {task}"}
 
 
-def test_a_recording_that_cannot_be_read_changes_no_bit_of_the_other_hand(
+def test_an_unreadable_recording_does_not_change_the_other_hand(
     both: Path, alone: PlannedSubject, tmp_path: Path
 ) -> None:
     subject = PlannedSubject(both).copied(tmp_path)
-    find(subject)
+    write_finding(subject)
     parameters = {"subject": "01", "hand": "left", "task": "opposition", "trial": ""}
     write_failure(subject.poses("opposition", "left"), POSES, "b.csv: is cut", Provenance((), parameters))
-    assert_right_hand_is_alone(run(subject), alone)
+    assert_right_hand_equals_one_alone(run(subject), alone)
     assert notes(subject) == {f"{ALONE}b.csv: is cut"}
 
 
-def test_hands_without_a_finding_or_with_a_note_tell_each_other_their_lengths(
+def test_hands_without_findings_share_their_lengths(
     both: Path, alone: PlannedSubject, tmp_path: Path
 ) -> None:
     subject = PlannedSubject(both).copied(tmp_path)
-    find(subject, task="rom", severity="note")
+    write_finding(subject, task="rom", severity="note")
     assert subject.fit("right") == 0
     assert notes(subject) == {""}
     sds = [

@@ -1,4 +1,4 @@
-"""Hands to export, made once."""
+"""Fixtures for the tests of exports: simulated hands and external programs."""
 
 from __future__ import annotations
 
@@ -25,16 +25,15 @@ def hand(request: pytest.FixtureRequest, right: SimulatedHand, tmp_path_factory)
 
 @pytest.fixture
 def fresh(tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
-    """A very short recording of a right hand, to be spoiled."""
+    """A very short recording of a right hand, which tests may change."""
     return simulated_hand(tmp_path_factory.mktemp("fresh"), "right", 40)
 
 
 @pytest.fixture(scope="session")
 def export_tool() -> Callable[[str], Path]:
-    """Return the path of a program that reads exports, by its place in the folder of such programs.
+    """Return a function that finds an external program by its path in the folder of such programs.
 
-    The folder is .tools, or what SHUKOTSU_TOOLS names; the test is skipped where it lacks the program, or
-    where node is needed and absent.
+    The folder is .tools or SHUKOTSU_TOOLS; the test is skipped if the program, or node if needed, is missing.
     """
     folder = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).parents[2] / ".tools"))
 

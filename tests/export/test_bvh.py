@@ -1,4 +1,4 @@
-"""Angles and names of a BVH file, and joints where other programs that read one have them, in every frame."""
+"""BVH export: continuous angles, names, and joint positions as other programs read them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from shukotsu.hand.rotations import turn_angles
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_angles_are_the_rotations_and_go_on_from_frame_to_frame(seed: int) -> None:
-    """A motion in small steps, through any posture, has angles that step no further than twice its turn
-    unless the second is near a right angle.
+def test_angles_reproduce_the_rotations_and_are_continuous(seed: int) -> None:
+    """Random motions in small steps have angles that equal the rotations and change by less than 60 deg per
+    frame except where the second angle is near a right angle.
     """
     rng = np.random.default_rng(seed)
     steps = Rotation.from_rotvec(rng.normal(size=(200, 3)) * 0.02)
@@ -42,8 +42,8 @@ def test_angles_are_the_rotations_and_go_on_from_frame_to_frame(seed: int) -> No
     assert np.abs(angles[0, 1]) <= 90
 
 
-def test_a_file_has_ascii_names_and_angles_that_never_jump(tmp_path: Path) -> None:
-    """Also of a bone that bends beyond a right angle and a root that spins beyond half a turn."""
+def test_a_file_has_ascii_names_and_continuous_angles(tmp_path: Path) -> None:
+    """A bone bends beyond a right angle and the root turns beyond half a turn."""
     motion = moving_fingers(600)
     joints = (*motion.joints[:4], replace(motion.joints[4], name="小指 1"), motion.joints[5])
     write(replace(motion, joints=joints), tmp_path / "motion.bvh")
@@ -61,7 +61,7 @@ ExportTool = Callable[[str], Path]
 
 
 def read_with(program: str, export_tool: ExportTool, file: Path) -> Any:
-    """Series of joints and of ends that a program has of a file, by their names."""
+    """Return the series of joints and of bone ends that a program reads from a file, by name."""
     if program == "blender":
         python = export_tool("blender/bin/python")
         content = json.loads(printed_by(python, READERS / "read_with_blender.py", file, "0"))
@@ -80,7 +80,7 @@ def ends_of(joints: Any) -> dict[str, str]:
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 @pytest.mark.parametrize("program", ["three", "blender"])
 @pytest.mark.parametrize("stiff", [True, False])
-def test_a_program_has_every_joint_where_it_is(
+def test_other_programs_read_every_joint_at_its_position(
     hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, program: str, stiff: bool, model: str
 ) -> None:
     settings = ExportSettings(stiff=stiff, gaps="cut", rig="webxr")

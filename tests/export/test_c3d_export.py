@@ -1,4 +1,4 @@
-"""A C3D file has every joint and pose where the motion has it, for readers that are not ours."""
+"""C3D export: points and rotations as read by ezc3d and by the package c3d."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def read(path: Path) -> Any:
 
 
 def points_of(motion: PosedRecording) -> np.ndarray:
-    """Where the points must be (T, P, 3), told without the writer's own arithmetic."""
+    """Return the expected points (T, P, 3) in mm, computed independently of the writer."""
     there = motion.receivers
     parts = [motion.position_mm]
     for index in range(len(there.segments)):
@@ -40,7 +40,7 @@ def points_of(motion: PosedRecording) -> np.ndarray:
 
 
 def check_numbers(content: Any, motion: PosedRecording) -> None:
-    """That points and rotations (T, P, 3), (T, R, 4, 4) are those of the motion, gaps included."""
+    """Check that points (T, P, 3) and rotations (T, R, 4, 4) are those of the motion, including gaps."""
     points, rotations = content
     np.testing.assert_allclose(points, points_of(motion), rtol=0, atol=NEAR_MM)
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
@@ -61,10 +61,10 @@ def numbers(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
-def test_another_reader_has_the_same_points(
+def test_another_reader_reads_the_same_points(
     right: SimulatedHand, tmp_path: Path, export_tool: Callable[[str], Path]
 ) -> None:
-    """The package c3d, which shares no code with ezc3d."""
+    """The reader is the package c3d, which shares no code with ezc3d."""
     python = export_tool("python/bin/python")
     if not list(python.parents[1].glob("lib/*/site-packages/c3d")):
         pytest.skip("c3d is not installed among the export tools")
@@ -97,7 +97,7 @@ def test_another_reader_has_the_same_points(
 def test_every_point_and_pose_is_read_back_from_a_c3d(
     tmp_path_factory: pytest.TempPathFactory, frames: int, seed: int, share: float, first: int, lost: set[int]
 ) -> None:
-    """Gaps of joints and receivers stay where they are; lost frames are there, without a point."""
+    """Gaps of joints and receivers are kept; lost frames are present without points."""
     rng, whole = np.random.default_rng(seed), moving_fingers(frames, seed=seed, slip_mm=3)
     whole = blanked(whole, rng.random(whole.known.shape) < share, rng.random((frames, 2)) < share)
     kept = ~np.isin(np.arange(frames), list(lost))
@@ -110,7 +110,7 @@ def test_every_point_and_pose_is_read_back_from_a_c3d(
     assert any("frame numbers" in sentence for sentence in dropped) == (first < 1)
 
 
-def test_a_gap_is_a_residual_of_minus_one(tmp_path: Path) -> None:
+def test_a_gap_has_a_residual_of_minus_one(tmp_path: Path) -> None:
     motion = moving_fingers(4)
     motion.position_mm[1, 2] = np.nan
     write(motion, tmp_path / "a.c3d")
@@ -118,7 +118,7 @@ def test_a_gap_is_a_residual_of_minus_one(tmp_path: Path) -> None:
     assert np.argwhere(content["meta_points"]["residuals"][0] < 0).tolist() == [[2, 1]]
 
 
-def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:
+def test_motions_that_c3d_cannot_hold_are_refused(tmp_path: Path) -> None:
     motion = moving_fingers(40)
     late = np.arange(40) > 20
     uneven = timed(motion, time_s=motion.time_s + np.where(late, 0.004, 0) * np.arange(40))

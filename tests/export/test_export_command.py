@@ -1,4 +1,4 @@
-"""The command line: files with their names, notes beside them, and one sentence where it cannot be done."""
+"""The export command: file names, notes, refusals, recorded failures and collected exports."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 
 
 def run(hand: SimulatedHand, out: Path, *argv: str, model: str = FITTED) -> int:
-    """Export the hand's recording under one model as BVH and CSV, unless argv says otherwise."""
+    """Export the hand's recording under one model, by default as BVH and CSV."""
     which = ["--plan", str(hand.plan_path), "--hand", hand.simulated.hand, "--recording", "opposition"]
     return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
 
@@ -35,9 +35,7 @@ def hand_with_a_gap(folder: Path) -> SimulatedHand:
     return hand
 
 
-def test_what_lies_beyond_the_last_receiver_is_at_rest_and_said_so(
-    fresh: SimulatedHand, tmp_path: Path
-) -> None:
+def test_joints_beyond_the_last_receiver_rest_and_are_noted(fresh: SimulatedHand, tmp_path: Path) -> None:
     for table, key, name in ((BONE_POSES, "segment", "little_distal"), (POSED_TIPS, "digit", "little")):
         rows = fresh.rows(FITTED, table)
         numbers = {column.name: None for column in table.columns if column.nullable}
@@ -53,7 +51,7 @@ def test_what_lies_beyond_the_last_receiver_is_at_rest_and_said_so(
     assert "at rest in this file: little_dip, little_tip" in (tmp_path / f"{STEM}.bvh.txt").read_text("utf-8")
 
 
-def test_files_have_their_names_and_notes(
+def test_exports_have_names_by_recording_and_notes_beside_them(
     right: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(right, tmp_path, "--licence", "CC BY 4.0") == 0
@@ -82,7 +80,7 @@ def test_axis_rig_and_stiff_bones_show_in_the_exported_files(
     assert "folded into the bones after them" in capsys.readouterr().err
 
 
-def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) -> None:
+def test_a_gap_is_refused_by_bvh_and_kept_by_csv(tmp_path: Path) -> None:
     hand = hand_with_a_gap(tmp_path)
     out = tmp_path / "out"
     assert run(hand, out) == 2
@@ -108,7 +106,7 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
         (["--plan", "none/plan.json"], "none/plan.json: no such file"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_sentence(
+def test_an_impossible_export_is_refused_in_one_sentence(
     right: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: list[str], message: str
 ) -> None:
     assert run(right, tmp_path / "out", *argv) == 2
@@ -118,8 +116,10 @@ def test_what_cannot_be_done_is_said_in_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_failure_can_be_recorded(right: SimulatedHand, tmp_path: Path) -> None:
-    """A format's, a recording's under a model, or the whole subject's, and the rest is written."""
+def test_a_failure_can_be_recorded_beside_the_exports(right: SimulatedHand, tmp_path: Path) -> None:
+    """It is recorded for a format, for a recording under a model, or for the subject, and removed by a
+    success.
+    """
     assert run(right, tmp_path, "--frames", "5000:", "--record-failure") == 0
     assert "no frame of the recording" in (tmp_path / f"{STEM}.failed.txt").read_text("utf-8")
     assert run(right, tmp_path, "--fps", "9", "--record-failure", "--rig", "maya") == 0
@@ -131,7 +131,7 @@ def test_a_failure_can_be_recorded(right: SimulatedHand, tmp_path: Path) -> None
     assert "has no model 'none'" in (tmp_path / "sub-01.failed.txt").read_text("utf-8")
 
 
-def test_a_model_that_failed_keeps_no_other_from_being_written(
+def test_a_failed_model_does_not_prevent_exports_of_others(
     fresh: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fresh.write(FITTED, BONE_POSES, "the hand was not fitted")
@@ -144,8 +144,8 @@ def test_a_model_that_failed_keeps_no_other_from_being_written(
 
 
 @pytest.mark.slow
-def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path) -> None:
-    """Both hands in files of their own under every model."""
+def test_without_filters_every_evaluated_recording_is_exported(tmp_path: Path) -> None:
+    """Each hand has its own files under every model."""
     hand = simulated_hands(tmp_path, ["right", "left"], 40)[0]
     out = tmp_path / "out"
     argv = ["--plan", str(hand.plan_path), "--out", str(out)]
@@ -160,10 +160,10 @@ def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_dataset_has_every_subjects_receivers_once_and_a_skeleton_a_model(
+def test_a_dataset_has_the_receivers_once_and_each_models_skeleton(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Receivers once, a skeleton for every model that was made; participants as in the sheet."""
+    """A failed model has no skeleton; participants are those exported, with the sheet's columns."""
     hands = []
     for subject in ("01", "02"):
         (tmp_path / subject).mkdir()
@@ -190,7 +190,7 @@ def test_a_dataset_has_every_subjects_receivers_once_and_a_skeleton_a_model(
 def test_exports_of_all_subjects_are_collected_in_one_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
 ) -> None:
-    """Hidden files stay; where the disk has no links files are copied; what is there is replaced."""
+    """Hidden files are left out, existing files replaced, and files copied if links are not possible."""
     for name in ("one/a.bvh", "one/.hidden", "two/b.bvh", "two/bids/sub-01/b.tsv", "out/a.bvh"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
@@ -204,8 +204,7 @@ def test_exports_of_all_subjects_are_collected_in_one_folder(
     assert (out / "a.bvh").samefile(tmp_path / "one" / "a.bvh") == links
 
 
-def test_a_copy_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And half a file under no name."""
+def test_a_failed_copy_leaves_the_existing_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one/a.bvh", "out/a.bvh"):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text(name)

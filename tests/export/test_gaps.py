@@ -1,4 +1,4 @@
-"""Gaps are refused, held, cut or interpolated, as asked, never unasked; other rates keep speeds and gaps."""
+"""Closing gaps by each policy, and resampling that preserves velocities and gaps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def turned_apart_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.degrees(angle(multiply(conjugate(first), second)))
 
 
-def test_a_gap_is_refused_with_its_place_and_the_choices() -> None:
+def test_a_gap_is_refused_with_its_frames_and_the_options() -> None:
     motion = blanked(blanked(moving_fingers(50), np.s_[10:13, MCP]), np.s_[30:31, 0])
     with pytest.raises(InputError) as refused:
         close_gaps(motion, "refuse", 0.1)
@@ -35,14 +35,14 @@ def test_a_gap_is_refused_with_its_place_and_the_choices() -> None:
         assert words in str(refused.value)
 
 
-def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
+def test_a_held_gap_keeps_the_posture_while_the_hand_moves() -> None:
     motion = moving_fingers(50)
     held = close_gaps(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)
     (local_mm, local), (before_mm, before) = local_motion(held), local_motion(motion)
     assert turned_apart_deg(local[9:20, MCP], before[9:10, MCP]).max() < 1e-6
     np.testing.assert_allclose(local_mm[9:20, MCP], before_mm[9:10, MCP].repeat(11, 0), atol=1e-9)
     assert np.linalg.norm(held.position_mm[19, MCP] - held.position_mm[9, MCP]) > 1, (
-        "but in the world it moves"
+        "but it moves in the transmitter frame"
     )
     recorded = np.r_[0:10, 20:50]
     np.testing.assert_array_equal(held.position_mm[recorded], motion.position_mm[recorded])
@@ -52,7 +52,7 @@ def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
     )
 
 
-def test_a_cut_leaves_the_longest_whole_stretch() -> None:
+def test_a_cut_leaves_the_longest_complete_part() -> None:
     motion = blanked(blanked(moving_fingers(50), np.s_[0:2, TIP]), np.s_[20:21, MCP])
     rest = close_gaps(motion, "cut", 0.1)
     np.testing.assert_array_equal(rest.frame, np.arange(21, 50) + 7)
@@ -62,7 +62,7 @@ def test_a_cut_leaves_the_longest_whole_stretch() -> None:
     )
 
 
-def test_a_gap_that_is_too_long_or_open_is_not_interpolated() -> None:
+def test_a_long_gap_or_one_at_an_end_is_not_interpolated() -> None:
     motion = moving_fingers(50)
     with pytest.raises(InputError, match=r"longer than --max-gap-s 0.1; raise it"):
         close_gaps(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.1)
@@ -77,7 +77,7 @@ def test_a_gap_that_is_too_long_or_open_is_not_interpolated() -> None:
     st.sets(st.integers(1, 38), max_size=8),
     st.sampled_from(["hold", "cut"]),
 )
-def test_no_gap_is_left_and_known_poses_stay(
+def test_closing_gaps_leaves_none_and_keeps_known_poses(
     holes: list[tuple[int, int, int]], lost: set[int], policy: str
 ) -> None:
     motion = moving_fingers(40, slip_mm=0.5)
@@ -98,7 +98,9 @@ def test_no_gap_is_left_and_known_poses_stay(
 
 
 def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> PosedRecording:
-    """Every bone turns about one axis at one speed, and moves along it at another."""
+    """Return a motion with constant velocity along an axis and constant angular velocity about it, in
+    rad/s.
+    """
     motion = moving_fingers(len(time_s))
     turn = about_axis(axis, speed * time_s)[:, None].repeat(6, 1)
     along_mm = (time_s[:, None, None] * axis * 30).repeat(6, 1)
@@ -111,10 +113,12 @@ def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float)
     st.floats(5, 300),
     st.integers(0, 2**31),
 )
-def test_a_constant_angular_velocity_stays_one(
+def test_resampling_preserves_constant_velocities(
     axis: list[float], speed: float, fps: float, seed: int
 ) -> None:
-    """At uneven times too, and through half turns; up to 0.2 rad between frames as recorded."""
+    """Recorded times are uneven; the bones turn by at most 0.2 rad per frame, and by more than half a
+    turn.
+    """
     rng = np.random.default_rng(seed)
     time_s = 3 + np.cumsum(rng.uniform(0.002, 0.005, 60))
     along = unit(np.array(axis))
@@ -130,7 +134,7 @@ def test_a_constant_angular_velocity_stays_one(
     assert other.rate_hz == fps
 
 
-def test_no_more_frames_are_made_than_are_exported() -> None:
+def test_resampling_to_too_many_frames_is_refused() -> None:
     motion = moving_fingers(100)
     assert len(resample_evenly(motion, 1e4).frame) < FILLED_FRAMES
     with pytest.raises(
@@ -139,7 +143,7 @@ def test_no_more_frames_are_made_than_are_exported() -> None:
         resample_evenly(motion, 1e6)
 
 
-def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
+def test_no_poses_are_interpolated_across_a_long_time_gap() -> None:
     motion = moving_fingers(100).take(np.r_[0:40, 50:100])
     other = resample_evenly(motion, 30)
     inside = (other.time_s > motion.time_s[39]) & (other.time_s < motion.time_s[40])

@@ -1,7 +1,7 @@
-"""The body of a GLB file; programs that are not ours have it, and every joint, where the tables have it.
+"""GLB export: the mesh of the hand, and joints and mesh as read by other programs.
 
-They are in .tools at the repository's root, or where SHUKOTSU_TOOLS says: node_modules as of
-tests/export_tools/package.json, blender/bin/python with bpy. A test is skipped without its program.
+The programs are in .tools at the repository's root or the folder SHUKOTSU_TOOLS: node_modules (installed by
+tests/export_tools/package.json) and blender/bin/python with bpy. A test without its program is skipped.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ GUIDE = Path(__file__).resolve().parents[2] / "docs" / "other-programs.md"
 
 @contextmanager
 def served(page: str, glb: Path, modules: Path, folder: Path) -> Iterator[str]:
-    """Address of a page that has the file and the modules beside it, as the guide says, in that folder."""
+    """Serve a page with the file and the modules beside it, as in the guide, and yield its address."""
     (folder / "index.html").write_text(page, "utf-8")
-    (folder / "favicon.ico").touch()  # browsers ask for it
+    (folder / "favicon.ico").touch()  # browsers request it
     (folder / "hand.glb").write_bytes(glb.read_bytes())
     (folder / "node_modules").symlink_to(modules.resolve(), target_is_directory=True)
     files = partial(SimpleHTTPRequestHandler, directory=str(folder))
@@ -54,14 +54,14 @@ def served(page: str, glb: Path, modules: Path, folder: Path) -> Iterator[str]:
 SCRIPTS = Path(__file__).resolve().parents[1] / "export_tools"
 ExportTool = Callable[[str], Path]
 NEAR_M = 3e-7
-"""Asked for is 1e-6."""
+"""Tolerance of joint positions; the requirement is 1e-6."""
 
 
 def read_in_node(export_tool: ExportTool, file: Path) -> Any:
-    """Return what three.js has of a file, of which the validator of the Khronos Group has no word."""
+    """Return what three.js reads from a file, after checking that the Khronos validator has no message."""
     modules = export_tool("node_modules/three").parent
     content = json.loads(printed_by("node", SCRIPTS / "read_glb.mjs", modules, file))
-    assert content["messages"] == [], "errors, warnings, and no information either"
+    assert content["messages"] == [], "neither errors, warnings nor information"
     return content
 
 
@@ -71,7 +71,7 @@ def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
 
 
 def assert_joints(joints: Any, motion: PosedRecording, near_m: float, rows: slice = slice(None)) -> None:
-    """Every joint of a hand is there, under its WebXR name, where the motion has it in those frames."""
+    """Check that every joint is present under its WebXR name at the motion's position in the given frames."""
     motion = with_webxr_names(motion)
     assert set(joints) == set(motion.names)
     positions = np.stack([joints[name] for name in motion.names], 1)
@@ -79,14 +79,14 @@ def assert_joints(joints: Any, motion: PosedRecording, near_m: float, rows: slic
 
 
 def last_body(motion: PosedRecording) -> np.ndarray:
-    """Vertices (V, 3) in m of the body in the last frame: each rides rigidly on its joint."""
+    """Return the mesh's vertices (V, 3) in m in the last frame; each is fixed to a joint."""
     motion = with_webxr_names(motion)
     mesh, (rest_mm, rest_turn) = bone_mesh(motion), rest_pose(motion)
     on_bone = rotate(conjugate(rest_turn[mesh.joint]), mesh.position_mm - rest_mm[mesh.joint])
     return (rotate(motion.quaternion[-1, mesh.joint], on_bone) + motion.position_mm[-1, mesh.joint]) / 1000
 
 
-def test_the_body_is_closed_and_faces_outward() -> None:
+def test_the_mesh_is_closed_and_faces_outward() -> None:
     mesh = bone_mesh(moving_fingers(1))
     triangles = mesh.position_mm[mesh.bone]
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
@@ -97,13 +97,13 @@ def test_the_body_is_closed_and_faces_outward() -> None:
     index = np.array([corner[tuple(p)] for p in mesh.position_mm.round(6)])[mesh.bone]
     edges = np.concatenate([index[:, [0, 1]], index[:, [1, 2]], index[:, [2, 0]]])
     there, back = sorted(map(tuple, edges)), sorted((b, a) for a, b in edges)
-    assert there == back, "every edge once in either direction"
+    assert there == back, "every edge occurs once in each direction"
     assert np.linalg.det(triangles).sum() > 0, "its volume is positive"
 
 
 @pytest.mark.tools
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_three_has_every_joint_and_the_validator_no_word(
+def test_three_reads_every_joint_and_the_validator_has_no_message(
     hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
     motion, file = hand.ready(model), tmp_path / "hand.glb"
@@ -119,8 +119,8 @@ def test_three_has_every_joint_and_the_validator_no_word(
 
 
 @pytest.mark.tools
-def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
-    """One frame, names in other scripts, a skeleton that is no hand."""
+def test_the_validator_has_no_message_about_unusual_files(tmp_path: Path, export_tool: ExportTool) -> None:
+    """The files have one frame, names in other scripts, or a skeleton that is not a hand."""
     file, motion = tmp_path / "odd.glb", moving_fingers(20)
     write(motion.take(slice(0, 1)), file)
     assert len(read_in_node(export_tool, file)["clips"]["right-made wave"]["times"]) == 1
@@ -132,7 +132,7 @@ def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: Exp
 
 @pytest.mark.tools
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_blender_has_every_joint_and_the_body(
+def test_blender_reads_every_joint_and_the_mesh(
     hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
     motion, file = hand.ready(model), tmp_path / "hand.glb"
@@ -147,7 +147,7 @@ def test_blender_has_every_joint_and_the_body(
 
 
 @pytest.mark.tools
-def test_fbx_by_blender_has_every_joint(hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool) -> None:
+def test_blenders_fbx_has_every_joint(hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool) -> None:
     motion, glb, fbx = hand.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
     write(motion, glb)
     script = tmp_path / "fbx.py"
@@ -158,7 +158,7 @@ def test_fbx_by_blender_has_every_joint(hand: SimulatedHand, tmp_path: Path, exp
 
 
 def complaints(page: Any) -> list[str]:
-    """Return the list in which a page's errors, warnings and failed requests gather from now on."""
+    """Return a list that will collect the page's errors, warnings, and failed or external requests."""
     heard: list[str] = []
     page.on("console", lambda m: heard.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: heard.append(str(error)))
@@ -167,13 +167,13 @@ def complaints(page: Any) -> list[str]:
     return heard
 
 
-def ours(words: str) -> bool:
-    """Whether a complaint is of the page, and not of drawing by the processor, which is slow."""
+def is_about_the_page(words: str) -> bool:
+    """Return whether a message is about the page and not about slow software rendering."""
     return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
 
 
 @pytest.mark.tools
-def test_the_page_of_the_guide_shows_the_hand_move(
+def test_the_guides_page_shows_the_moving_hand(
     right: SimulatedHand, tmp_path: Path, export_tool: ExportTool, browser: Any
 ) -> None:
     motion, file = right.ready(FITTED), tmp_path / "motion.glb"
@@ -185,12 +185,12 @@ def test_the_page_of_the_guide_shows_the_hand_move(
         page.goto(address)
         shows_another = "seen => !['', ...seen].includes(document.querySelector('output').textContent)"
         seen: list[str] = []
-        for _ in range(3):  # three frames that differ, however slowly the processor draws them
+        for _ in range(3):  # three different frames, at any drawing speed
             page.wait_for_function(shows_another, arg=seen)
             seen.append(page.locator("output").text_content())
         picture = page.screenshot()
         page.close()
-    assert [words for words in heard if ours(words)] == []
+    assert [words for words in heard if is_about_the_page(words)] == []
     assert len(picture) > 5000, "a page without a hand is smaller"
     tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
     apart_mm, time_s = (tips[:, 0] - tips[:, 1]).T, motion.time_s - motion.time_s[0]

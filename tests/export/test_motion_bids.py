@@ -1,4 +1,4 @@
-"""A Motion-BIDS dataset is valid, reads back the same, and does not depend on the order of its making."""
+"""Motion-BIDS export: labels, validity, contents, gaps, and independence of the order of writing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from shukotsu.hand.rotations import angle, conjugate, multiply
 
 
 @given(st.text(), st.text())
-def test_labels_are_legal_and_of_one_name_each(first: str, second: str) -> None:
+def test_labels_are_valid_and_unique_to_their_names(first: str, second: str) -> None:
     assert label(first).isascii()
     assert label(first).isalnum() or not first
     assert (label(first) == label(second)) == (first == second)
@@ -68,7 +68,7 @@ def with_gaps(motion: PosedRecording) -> PosedRecording:
 
 
 def validate(folder: Path) -> list[dict[str, Any]]:
-    """The issues that the BIDS validator has; it needs no network."""
+    """Return the issues reported by the BIDS validator, which needs no network."""
     program = Path(sys.executable).with_name("bids-validator-deno")
     if not program.is_file():
         pytest.skip("bids-validator-deno is not installed beside this Python")
@@ -84,13 +84,13 @@ KNOWN_WARNINGS = {
     ("JSON_KEY_RECOMMENDED", "HEDVersion"),
     ("JSON_KEY_RECOMMENDED", "SourceDatasets"),
 }
-"""What nobody but the dataset's authors can add."""
+"""Warnings about contents that only the dataset's authors can add."""
 
 
-def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
-    right: SimulatedHand, tmp_path: Path
-) -> None:
-    """Names of any script, gaps, one frame, no trial and a trial that is a number or is none."""
+def test_the_validator_finds_no_avoidable_issue(right: SimulatedHand, tmp_path: Path) -> None:
+    """The dataset has names in other scripts, gaps, a single frame, and trials that are absent, numbers or
+    text.
+    """
     hand = named(right.motion(FITTED), licence="CC0")
     add(hand, tmp_path / "set")
     drawn = with_gaps(moving_fingers(9))
@@ -104,18 +104,18 @@ def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
     issues = validate(tmp_path / "set")
     errors = [issue["location"] for issue in issues if issue["severity"] == "error"]
     assert errors
-    assert all(location.startswith("/sub-broken/") for location in errors), "and no other recording has any"
+    assert all(location.startswith("/sub-broken/") for location in errors), "no other recording has errors"
     issues = [issue for issue in issues if not issue["location"].startswith("/sub-broken/")]
     codes = {issue["code"] for issue in issues} | {(i["code"], i.get("subCode")) for i in issues}
     assert "EVENTS_TSV_MISSING" in codes, "the validator looked at the recordings"
     avoidable = [i for i in issues if not {i["code"], (i["code"], i.get("subCode"))} & KNOWN_WARNINGS]
-    assert {i.get("subCode") for i in avoidable} == {"SamplingFrequencyEffective"}, "one frame has none"
+    assert {i.get("subCode") for i in avoidable} == {"SamplingFrequencyEffective"}, "one frame has no rate"
     assert all(i["location"].startswith("/sub-one/") for i in avoidable)
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_the_skeleton_comes_back(hand: SimulatedHand, tmp_path: Path, model: str) -> None:
-    """Metres, quaternions and degrees, read by pandas."""
+def test_the_skeleton_is_read_back_by_pandas(hand: SimulatedHand, tmp_path: Path, model: str) -> None:
+    """Positions are in metres, orientations quaternions, angles in degrees."""
     motion = hand.motion(model)
     assert add(motion, tmp_path) == ("receivers that have no pose in any frame: forearm",)
     numbers, channels = table(skeleton_path(tmp_path, motion))
@@ -151,7 +151,7 @@ def test_the_skeleton_comes_back(hand: SimulatedHand, tmp_path: Path, model: str
     assert set(channels["reference_frame"]) == {"n/a", *frames}
 
 
-def test_gaps_are_n_a_in_every_file(tmp_path: Path) -> None:
+def test_gaps_are_written_as_n_a_in_every_file(tmp_path: Path) -> None:
     motion = with_gaps(moving_fingers(9))
     time_s = motion.time_s.copy()
     time_s[7] = np.nan
@@ -169,7 +169,7 @@ def test_gaps_are_n_a_in_every_file(tmp_path: Path) -> None:
         assert len({line.count("\t") for line in path.read_text().splitlines()}) == 1
 
 
-def test_a_study_describes_its_dataset(tmp_path: Path) -> None:
+def test_dataset_files_describe_the_study_and_its_participants(tmp_path: Path) -> None:
     sizes = {"山田": {"hand_length_mm": 181.5, "sex": None}, "a\tb": {"hand_length_mm": None, "sex": "F"}}
     write_dataset_files(tmp_path, "The study", sizes, "CC0")
     described = json.loads((tmp_path / DESCRIPTION).read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""OpenSim reads the files that are written for it, and has every bone where the motion has it."""
+"""OpenSim export: poses and inverse kinematics as computed by OpenSim."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def bend(n_frames: int, phase: float, rad: float) -> Array:
 
 
 def with_hinges(motion: PosedRecording, hinges: Sequence[str]) -> PosedRecording:
-    """The motion with joints that turn about one axis alone; all others have two degrees of freedom.
+    """Return the motion with hinges of one degree of freedom; all other joints have two.
 
-    The metacarpals of index and middle finger keep still.
+    The metacarpals of the index and middle fingers are fixed.
     """
     turn = motion.quaternion.copy()
     joints, axis = list(motion.joints), motion.axis.copy()
@@ -55,7 +55,7 @@ HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "littl
 
 
 def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: str) -> dict[str, Any]:
-    """Return what OpenSim reads; the test is skipped where it is not installed."""
+    """Return what OpenSim reads; the test is skipped if OpenSim is not installed."""
     printed_by(export_tool("opensim/bin/python"), READER, stem, stem.with_suffix(".npz"), *options)
     with np.load(stem.with_suffix(".npz")) as arrays:
         return dict(arrays)
@@ -63,7 +63,7 @@ def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: 
 
 @pytest.mark.tools
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_opensim_has_every_bone_where_the_motion_has_it(
+def test_opensim_reads_every_bone_at_the_motions_pose(
     hand: SimulatedHand, tmp_path: Path, export_tool: Callable[[str], Path], model: str
 ) -> None:
     motion = hand.ready(model)
@@ -84,8 +84,8 @@ def test_opensim_has_every_bone_where_the_motion_has_it(
             np.testing.assert_allclose(measured, motion.receivers.position_mm[:, number], atol=1e-6)
 
 
-def riding(motion: PosedRecording) -> PosedRecording:
-    """The same with receivers that sit on their bones without skin, the last one blind in some frames."""
+def with_rigid_receivers(motion: PosedRecording) -> PosedRecording:
+    """Return the motion with receivers fixed rigidly to their bones, the last one invalid in two frames."""
     there = motion.receivers
     position_mm, turn = there.position_mm.copy(), there.quaternion.copy()
     segments = [joint.segment for joint in motion.joints]
@@ -103,15 +103,14 @@ def riding(motion: PosedRecording) -> PosedRecording:
 
 
 @pytest.mark.tools
-def test_inverse_kinematics_of_opensim_finds_our_angles(
+def test_opensims_inverse_kinematics_gives_the_same_angles(
     hand: SimulatedHand, tmp_path: Path, export_tool: Callable[[str], Path]
 ) -> None:
-    """Exact receivers of a fitted hand: to 0.1 deg, but where a receiver was blind and tells nothing.
-
-    In one frame all were.
+    """From exact receivers of a fitted hand angles agree to 0.1 deg, except in frames without the last
+    receiver; one frame without any receiver is left out.
     """
     motion = with_hinges(hand.ready(FITTED), HINGES)
-    motion = blanked(riding(motion.take(slice(0, 240, 12))), receivers=11)
+    motion = blanked(with_rigid_receivers(motion.take(slice(0, 240, 12))), receivers=11)
     write(motion, tmp_path / "hand.osim")
     seen = read_with_opensim(export_tool, tmp_path / "hand", "--ik")
     assert seen["ik_ran"]

@@ -1,4 +1,4 @@
-"""A motion is what the tables say: joints where they are, bones turned as they are, nothing mirrored."""
+"""Reading the motion to export from the tables: bone frames, rest pose, hinges, failures and frame ranges."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.poses import Poses, RecordingName
 
 
-def test_bone_frames_are_webxr_ones(hand: SimulatedHand) -> None:
-    """-Z is distal, +Y dorsal, +X their product: our x, z and -y; the thumb's metacarpal has its own test."""
+def test_bone_frames_follow_the_webxr_convention(hand: SimulatedHand) -> None:
+    """WebXR's -Z (distal), +Y (dorsal) and +X are our x, z and -y; the thumb metacarpal has a separate
+    test.
+    """
     motion, truth = hand.motion(FITTED), hand.simulated.truth
     for index, joint in enumerate(motion.joints):
         if joint.tip or joint.segment == "thumb_metacarpal":
@@ -31,7 +33,7 @@ def test_bone_frames_are_webxr_ones(hand: SimulatedHand) -> None:
             np.testing.assert_allclose(webxr.apply(here), ours.apply(there), atol=1e-12)
 
 
-def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(hand: SimulatedHand) -> None:
+def test_a_rest_pose_has_straight_fingers_and_the_persons_spread(hand: SimulatedHand) -> None:
     motion = hand.motion(FITTED)
     position_mm, turn = rest_pose(motion)
     for digit in ("index", "middle", "ring", "little"):
@@ -53,12 +55,12 @@ def test_a_fitted_hinge_turns_about_its_axis_only(hand: SimulatedHand) -> None:
         axis = motion.axis[index]
         seen = rotate(local[:, index], axis)
         apart = np.degrees(np.arccos(np.clip(seen @ seen[0], -1, 1)))
-        assert apart.max() < 4, "fixed in the bone before, but for the rotation that goes with flexion"
-        assert abs(axis[0]) > 0.9, "about across the bone"
+        assert apart.max() < 4, "fixed in the proximal bone except for rotation coupled to flexion"
+        assert abs(axis[0]) > 0.9, "roughly perpendicular to the bone"
 
 
-def test_a_layout_without_anatomy_is_exported_under_its_own_names() -> None:
-    """No anatomy, no thumb: names as they are, a first bone at rest as it stands on average."""
+def test_a_layout_without_anatomy_keeps_its_joint_names() -> None:
+    """The rest pose of its first joint is the average posture."""
     layout, rng = read_layout("arm"), np.random.default_rng(1)
     shape = (20, len(layout.measured))
     turn = Rotation.random(20 * 4, random_state=rng).as_quat(scalar_first=True).reshape(*shape, 4)
@@ -88,7 +90,7 @@ def test_a_layout_without_anatomy_is_exported_under_its_own_names() -> None:
     assert angle(multiply(conjugate(local), motion.rest[1])).max() < 1e-7
 
 
-def test_a_failed_joint_leaves_its_digit_out(fresh: SimulatedHand) -> None:
+def test_a_digit_with_a_failed_joint_is_left_out(fresh: SimulatedHand) -> None:
     rows = fresh.rows(REPLAYED, JOINT_CENTRES)
     for row in rows:
         if row["joint"] == "ring_dip":
@@ -106,7 +108,7 @@ def test_a_failed_joint_leaves_its_digit_out(fresh: SimulatedHand) -> None:
         fresh.motion(REPLAYED)
 
 
-def test_a_range_goes_by_recorded_frame_numbers_and_of_many_frames_some_are_read(
+def test_ranges_use_frame_numbers_and_long_recordings_are_thinned(
     right: SimulatedHand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole, posed = right.motion(FITTED), recording_reader(right.plan, right.recording, FITTED)

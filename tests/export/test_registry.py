@@ -1,4 +1,4 @@
-"""What holds for every format, and a motion made ready for one by what the user asked, losing nothing."""
+"""Properties of all formats, and preparing a motion for one by the export settings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
+def test_the_same_motion_gives_the_same_files(name: str, tmp_path: Path) -> None:
     motion = moving_fingers(10, slip_mm=0.5)
     position_mm, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for folder in ("a", "b"):
@@ -47,8 +47,8 @@ def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_provenance_is_in_a_file_or_beside_it(name: str, tmp_path: Path) -> None:
-    """The subject's name in its own script, the licence, and the tables' hashes."""
+def test_provenance_is_in_the_file_or_beside_it(name: str, tmp_path: Path) -> None:
+    """It has the subject's name in its script, the licence and the tables' hashes."""
     motion = moving_fingers(5)
     origin = Origin(RecordingName("Ö", "right", "wave"), licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
     path = tmp_path / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
@@ -62,7 +62,7 @@ def test_provenance_is_in_a_file_or_beside_it(name: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", WITHOUT_GAPS)
-def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -> None:
+def test_a_missing_pose_is_refused_without_a_file(name: str, tmp_path: Path) -> None:
     motion = moving_fingers(5)
     position, turn = motion.position_mm.copy(), motion.quaternion.copy()
     position[2, 3, 1] = np.nan
@@ -87,14 +87,14 @@ def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -
         ([0.0, 0.1, 0.2, 0.15, 0.3], "does not increase from frame 9 to the next"),
     ],
 )
-def test_times_must_be_known_and_grow(name: str, times: list[float], message: str, tmp_path: Path) -> None:
+def test_times_must_increase(name: str, times: list[float], message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         write(timed(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
-    """Frame numbers go on, time does not: nobody knows what the hand did meanwhile."""
+def test_a_jump_of_the_clock_is_bridged_only_on_request() -> None:
+    """Frame numbers are consecutive but time jumps by 0.3 s, in which the motion is unknown."""
     motion = moving_fingers(40)
     time_s = motion.time_s.copy()
     time_s[20:] += 0.3
@@ -108,14 +108,14 @@ def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
 
 @pytest.mark.parametrize("up", ["y", "z"])
 @pytest.mark.parametrize("transmitter_up", DIRECTIONS)
-def test_up_goes_up_by_a_proper_rotation(transmitter_up: str, up: str) -> None:
+def test_the_up_axis_is_mapped_by_a_proper_rotation(transmitter_up: str, up: str) -> None:
     turn, axes = upright(transmitter_up, up), dict(zip(DIRECTIONS, [*np.eye(3), *-np.eye(3)], strict=True))
     np.testing.assert_allclose(rotate(turn, axes[transmitter_up]), axes[up], atol=1e-12)
     assert np.linalg.det(matrix(turn)) == pytest.approx(1)
     np.testing.assert_allclose(np.abs(matrix(turn)).max(0), 1, atol=1e-12)
 
 
-def test_a_turned_world_has_the_same_hand_in_it() -> None:
+def test_a_changed_up_axis_does_not_change_the_posture() -> None:
     motion = moving_fingers(20, slip_mm=1.0)
     there = prepare(motion, ExportSettings(), holds_gaps=True, up="y")
     (before_mm, before), (after_mm, after) = local_motion(motion), local_motion(there)

@@ -1,4 +1,4 @@
-"""Other rigs: the right names, and no motion lost with the bones that they lack."""
+"""Exports for other rigs: joint names, and motion of bones that a rig lacks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LACKING = ["index_cmc", "middle_cmc", "ring_cmc", "little_cmc"]
 
 
 @pytest.mark.parametrize("rig", list(RIGS))
-def test_every_rig_keeps_every_joint_where_it_is(hand: SimulatedHand, rig: str) -> None:
+def test_every_rig_keeps_every_joints_pose(hand: SimulatedHand, rig: str) -> None:
     motion = hand.motion(FITTED)
     there = on_rig(motion, rig)
     assert len(there.joints) == COUNTS[rig]
@@ -33,8 +33,10 @@ def test_every_rig_keeps_every_joint_where_it_is(hand: SimulatedHand, rig: str) 
     assert all(joint.parent < index for index, joint in enumerate(there.joints))
 
 
-def test_a_metacarpal_lives_on_in_the_proximal_phalanx(hand: SimulatedHand) -> None:
-    """What the wrist's frame shows of the MCP joint is the same, though no bone is left between them."""
+def test_a_missing_metacarpal_is_folded_into_the_proximal_phalanx(hand: SimulatedHand) -> None:
+    """The MCP joint then follows the wrist, with the same positions and rest pose, and has no axis of its
+    own.
+    """
     motion = hand.motion(REPLAYED)
     there = fold_joints(motion, LACKING)
     mcp = there.index("little_mcp")
@@ -52,8 +54,8 @@ def test_a_metacarpal_lives_on_in_the_proximal_phalanx(hand: SimulatedHand) -> N
     assert there.notes[-1] == f"{', '.join(LACKING)} folded into the bones after them"
 
 
-def test_joints_have_the_names_that_each_rig_documents() -> None:
-    """A few of each, looked up in the rigs' own documents, not in our tables."""
+def test_joints_have_the_names_documented_by_each_rig() -> None:
+    """A few names of each rig are taken from its documentation."""
     right, left = ({rig: set(RIGS[rig].names(hand).values()) for rig in RIGS} for hand in ("right", "left"))
     assert {
         "wrist",

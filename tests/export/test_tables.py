@@ -1,4 +1,4 @@
-"""The study's tables as CSV with a data dictionary: read back by others, number for number."""
+"""The study's tables as CSV with a data dictionary, read back exactly."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NAMES = (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)
 
 
 def rows(table: Table) -> list[dict[str, Any]]:
-    """Four rows of hard values, the last without all that may be null."""
+    """Return four rows of difficult values; the last has nulls in all nullable columns."""
     of_type: dict[pa.DataType, tuple[Any, ...]] = {pa.string(): TEXTS, pa.bool_(): (True, False) * 2}
     of_type |= {pa.float64(): (0.1, -1e-300, 1e17, 1 / 3), pa.float32(): (0.5, -3.0, 2.0**40, 0.0)}
     usual = (0, 3, 127, 4)
@@ -50,7 +50,7 @@ def tidy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "tables"
 
 
-def test_every_table_is_there_number_for_number(tidy: Path) -> None:
+def test_every_table_is_written_exactly(tidy: Path) -> None:
     package = json.loads((tidy / "datapackage.json").read_text("utf-8"))
     assert package["name"] == "my-study"
     assert [resource["name"] for resource in package["resources"]] == list(NAMES)
@@ -76,14 +76,14 @@ def test_every_table_is_there_number_for_number(tidy: Path) -> None:
                     assert (value is None and text == "") or read[field["type"]](text) == value
 
 
-def test_what_is_no_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_not_a_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "other.parquet").write_bytes(b"")
     assert main(["--tables", str(tmp_path / "other.parquet"), "--out", str(tmp_path)]) == 2
     assert "is not one of the program's tables" in capsys.readouterr().err
 
 
 @pytest.mark.tools
-def test_frictionless_reads_and_checks_them(tidy: Path, export_tool: Callable[[str], Path]) -> None:
+def test_frictionless_validates_the_tables(tidy: Path, export_tool: Callable[[str], Path]) -> None:
     python = export_tool("python/bin/python")
     if not list(python.parents[1].glob("lib/*/site-packages/frictionless")):
         pytest.skip(f"frictionless is not installed beside {python}")

@@ -1,4 +1,4 @@
-"""A CSV file holds the motion, gaps as empty cells, its angles as the tables have them."""
+"""CSV export: poses, joint angles and the JSON header."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_every_exported_pose_is_read_back(hand: SimulatedHand, tmp_path: Path) -
     assert angle(multiply(conjugate(turn), motion.quaternion))[motion.known].max() < 1e-8
 
 
-def test_angles_are_those_of_the_bones(hand: SimulatedHand) -> None:
-    """As joint_angles has them of the same bones; the thumb has a test of its own."""
+def test_exported_angles_equal_those_of_the_bones(hand: SimulatedHand) -> None:
+    """They equal joint_angles of the same bones; the thumb has a separate test."""
     motion, truth, side = hand.motion(FITTED), hand.simulated.truth, hand.simulated.hand
     names, angles_deg = bone_angles_deg(motion)
     ours = truth.bone_quaternion
@@ -46,7 +46,7 @@ def test_angles_are_those_of_the_bones(hand: SimulatedHand) -> None:
         np.testing.assert_allclose(angles_deg[:, names.index(name)], expected, atol=1e-6, err_msg=name)
 
 
-def test_the_header_says_what_the_columns_mean(hand: SimulatedHand, tmp_path: Path) -> None:
+def test_the_header_describes_columns_and_rest_pose(hand: SimulatedHand, tmp_path: Path) -> None:
     motion = hand.motion(FITTED)
     name = replace(motion.origin.recording, subject="山田 太郎")
     motion = replace(motion, origin=replace(motion.origin, licence="CC0", recording=name))

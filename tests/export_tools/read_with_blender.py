@@ -1,10 +1,10 @@
-"""Joints of a BVH, GLB, FBX or USD file as Blender has them, as JSON on stdout. Runs in Blender's Python.
+"""Print the joints of a BVH, GLB or FBX file as Blender reads them, as JSON. Runs in Blender's Python.
 
-usage: python read_with_blender.py FILE RATE_HZ; RATE_HZ 0: that of the file
+usage: python read_with_blender.py FILE RATE_HZ; RATE_HZ 0 uses the file's rate
 
-{"joints": {ARMATURE: {JOINT: [[x, y, z], ... a frame]}}, "ends": the same of the ends of bones that nothing
-hangs from, "bodies": {ARMATURE: vertices in the last frame, in no particular order}}, all turned back from
-Blender's world to +Y up, in the file's unit (of BVH) or m.
+{"joints": {ARMATURE: {JOINT: [[x, y, z] per frame]}}, "ends": the same for the ends of bones without
+children, "bodies": {ARMATURE: vertices in the last frame, unordered}}, all with +Y up instead of Blender's
++Z, in m or, for BVH, in the file's unit.
 """
 
 import json
@@ -14,11 +14,11 @@ from pathlib import Path
 import bpy
 
 REPORT = sys.stdout
-sys.stdout = sys.stderr  # Blender tells its progress there, and the numbers are to stand alone
+sys.stdout = sys.stderr  # Blender prints its progress to stdout
 
 
 def upright(point):
-    """A point of Blender's world, which has z up, in one that has y up."""
+    """Convert a point from Blender's axes, with z up, to axes with y up."""
     return [point.x, point.z, -point.y]
 
 
@@ -34,7 +34,7 @@ def read(file):
 
 
 def body(armature, meshes, graph):
-    """Vertices of the meshes that the armature moves, as it moves them."""
+    """Return the vertices of the meshes that the armature moves, in their moved positions."""
     points = []
     for mesh in meshes:
         if armature in [modifier.object for modifier in mesh.modifiers if modifier.type == "ARMATURE"]:
@@ -54,7 +54,7 @@ armatures = [thing for thing in scene.objects if thing.type == "ARMATURE"]
 ranges = [thing.animation_data.action.frame_range for thing in armatures if thing.animation_data.action]
 meshes = [thing for thing in scene.objects if thing.type == "MESH"]
 for mesh in meshes:
-    mesh.hide_viewport = True  # not worked out in every frame
+    mesh.hide_viewport = True  # to skip its evaluation in every frame
 joints = {armature.name: {bone.name: [] for bone in armature.pose.bones} for armature in armatures}
 ends = {armature.name: {bone.name: [] for bone in armature.pose.bones} for armature in armatures}
 for frame in range(round(min(first for first, _ in ranges)), round(max(last for _, last in ranges)) + 1):

@@ -1,7 +1,8 @@
-"""What OpenSim makes of our files, as NPZ: bodies in every frame of the .mot, and its inverse kinematics.
+"""Write what OpenSim computes from our files as NPZ: bodies in every frame of the .mot, and inverse
+kinematics.
 
-Runs in its own venv: read_with_opensim.py STEM OUT [--ik]. Coordinates go through OpenSim's own table reader.
-With --ik, STEM_ik_setup.xml is run where it is; its results come to lie beside it.
+Runs in a separate venv: read_with_opensim.py STEM OUT [--ik]. Coordinates are read by OpenSim's table reader.
+With --ik, STEM_ik_setup.xml is run in its folder, and its results are written beside it.
 """
 
 import os
@@ -13,18 +14,18 @@ import opensim
 
 stem, out = (Path(word).absolute() for word in sys.argv[1:3])
 opensim.Logger.setLevelString("Error")
-os.chdir(stem.parent)  # what the setup file names lies there
+os.chdir(stem.parent)  # the setup file's paths are relative to it
 
 
 def posed(motion):
-    """Times, positions and rotations of all bodies, and coordinates by name."""
+    """Return times, positions and rotations of all bodies, and coordinates by name."""
     model = opensim.Model(f"{stem}.osim")
     state = model.initSystem()
     table = opensim.TimeSeriesTable(motion)
     labels = list(table.getColumnLabels())
     values = table.getMatrix().to_numpy()
     coordinates = [model.getCoordinateSet().get(label) for label in labels]
-    assert len(labels) == model.getNumCoordinates(), "the table is to have every coordinate of the model"
+    assert len(labels) == model.getNumCoordinates(), "the table must have every coordinate of the model"
     turns = [coordinate.getMotionType() == 1 for coordinate in coordinates]
     rad = np.where(turns, np.radians(values), values)
     bodies = [model.getBodySet().get(index) for index in range(model.getNumBodies())]
@@ -51,7 +52,7 @@ content = {f"mot_{key}": value for key, value in posed(f"{stem}.mot").items()}
 trc = opensim.TimeSeriesTableVec3(f"{stem}.trc")
 content["trc_markers"] = list(trc.getColumnLabels())
 content["trc_units"] = trc.getTableMetaDataString("Units")
-flat = trc.flatten()  # kept, as its matrix is only a view
+flat = trc.flatten()  # keep a reference, as its matrix is a view
 content["trc_mm"] = flat.getMatrix().to_numpy().reshape(trc.getNumRows(), -1, 3)
 if "--ik" in sys.argv:
     tool = opensim.InverseKinematicsTool(f"{stem}_ik_setup.xml")

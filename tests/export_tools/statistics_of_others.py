@@ -1,6 +1,6 @@
-"""Statistics of the same numbers as pingouin has them, JSON in and out. Runs in the tools' Python.
+"""Compute statistics with pingouin, from JSON on stdin to JSON on stdout. Runs in the tools' Python.
 
-usage: python statistics_of_others.py < {"values": [[...] a subject], "first": [...], "other": [...]}
+usage: python statistics_of_others.py < {"values": [[...] per subject], "first": [...], "other": [...]}
 """
 
 import json
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def of_pingouin(asked):
-    """ICC(2,1) and ICC(3,1) of values (n, k), and standardised differences of two samples."""
+    """Return ICC(2,1) and ICC(3,1) of values (n, k), and standardised differences of two samples."""
     import pandas as pd
     import pingouin
 

@@ -1,4 +1,4 @@
-"""What most tests of the fit begin with."""
+"""Fixtures for the tests of the whole-hand fit."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The chains themselves: every analytic derivative, and a hand of their own making that comes back."""
+"""Kinematic chains of the hand: geometry, derivatives, choice of frames, and recovery of a known hand."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def random_point(model: HandModel, n_frames: int, seed: int = 0) -> Point:
 
 
 def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> Problem:
-    """Frames as that point makes them, with noise in mm and deg."""
+    """Observe the chain at a point: receivers' poses with noise (mm and deg), a tenth of them invalid."""
     rng = np.random.default_rng(seed)
     n_frames, n_receivers = len(point.y), len(model.receivers)
     rotation = np.empty((n_frames, n_receivers, 3, 3))
@@ -59,8 +59,10 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
     )
 
 
-def test_a_palm_of_another_breadth(layout: Layout) -> None:
-    """Knuckles are where the chain has them, spread with the breadth, and are held as far apart as bones."""
+def test_a_narrow_palm_moves_the_knuckles_and_keeps_them_apart(layout: Layout) -> None:
+    """The first-order knuckle positions match the chain's to 0.2 mm; knuckles closer together than their
+    bones are wide add observations that push them apart.
+    """
     model, at = model_of(layout), (np.eye(3)[None], np.zeros((1, 3)))
     narrow = np.zeros(len(model.unknowns.names))
     narrow[model.unknowns.names.index("palm breadth")] = -0.5
@@ -78,8 +80,8 @@ def test_a_palm_of_another_breadth(layout: Layout) -> None:
     assert [len(side_by_side(model, share * closest).rows) for share in (0.99, 1.01)] == [0, 2]
 
 
-def test_states_follow_the_unknowns(layout: Layout) -> None:
-    """Mean states after moving an unknown and posing again, against the derivative that elimination gives."""
+def test_the_derivative_of_states_by_unknowns_equals_posing_again(layout: Layout) -> None:
+    """Moving one unknown and posing all frames again changes the mean states as the derivative predicts."""
     model = model_of(layout)
     truth = random_point(model, 4)
     problem = problem_at(model, truth, 0.0)
@@ -108,9 +110,9 @@ def test_states_follow_the_unknowns(layout: Layout) -> None:
 
 
 @pytest.mark.slow
-def test_a_hand_of_its_own_kind_comes_back(layout: Layout) -> None:
-    """Poses made by the model's own chain, without noise: from an average hand to 0.05 mm of the true one, in
-    every direction that the data show; every length within its sd.
+def test_a_hand_made_by_the_model_is_recovered(layout: Layout) -> None:
+    """From noise-free poses of the model's own chain, a fit that starts at the average hand comes within 0.05
+    mm of the true one in every direction that the data determine, and every length within 2 sd.
     """
     model = model_of(layout)
     truth = random_point(model, 40, seed=5)
@@ -143,7 +145,7 @@ def test_a_hand_of_its_own_kind_comes_back(layout: Layout) -> None:
 
 
 @given(st.integers(0, 1000), st.integers(1, 300), st.integers(1, 60))
-def test_frames_are_different_and_stand_for_all(seed: int, n_frames: int, wanted: int) -> None:
+def test_chosen_frames_differ_and_their_shares_sum_to_one(seed: int, n_frames: int, wanted: int) -> None:
     postures = np.random.default_rng(seed).normal(size=(n_frames, 4))
     rows, share = spread_frames(postures, wanted)
     assert len(rows) == len(share) == min(n_frames, wanted)
@@ -152,8 +154,7 @@ def test_frames_are_different_and_stand_for_all(seed: int, n_frames: int, wanted
     assert (share > 0).all()
 
 
-def test_a_held_posture_gets_one_frame() -> None:
-    """A posture that is held gets one frame and the share of the time that it was held."""
+def test_a_held_posture_gets_one_frame_with_its_share_of_time() -> None:
     postures = np.concatenate([np.zeros((900, 1)), np.linspace(0.1, 1, 100)[:, None]])
     rows, share = spread_frames(postures, 10)
     held = rows < 900

@@ -1,4 +1,4 @@
-"""The room's field as the fit has it: undone where it was put on, and found where a hand turns in it."""
+"""The fit's model of the room's field distortion: correcting rotations for it, and estimating it."""
 
 from dataclasses import replace
 
@@ -17,8 +17,8 @@ from shukotsu.study.layout import Layout
 TURN_DEG = np.array([0.9, -1.1, 0.7])
 
 
-def test_the_fields_turn_is_undone() -> None:
-    """A constant turn and a slope, put on by hand, leave the rotations as they were."""
+def test_undoing_the_field_restores_the_true_rotations() -> None:
+    """Rotations distorted by a constant turn and a linear gradient come back as they were."""
     rng = np.random.default_rng(4)
     unknowns = Unknowns()
     unknowns.add("scale", "hand")
@@ -34,7 +34,7 @@ def test_the_fields_turn_is_undone() -> None:
     assert field.turn(place_mm, x) == pytest.approx(turned.as_matrix().reshape(5, 3, 3, 3))
 
 
-def test_the_field_grows_no_farther_than_receivers_were() -> None:
+def test_the_field_is_constant_beyond_the_measured_region() -> None:
     field = FieldDistortion.among(Unknowns(), np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
     within, edge, beyond = field.by_unknown(np.array([[50.0, 0, 0], [100.0, 0, 0], [900.0, 0, 0]]))
     np.testing.assert_allclose(beyond, edge)
@@ -43,8 +43,10 @@ def test_the_field_grows_no_farther_than_receivers_were() -> None:
 
 
 @pytest.mark.slow
-def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
-    """A turn that all receivers have in common, static in the room, is found; without a field none is."""
+def test_a_constant_field_turn_is_estimated_when_the_hand_turns(layout: Layout) -> None:
+    """A turn common to all receivers and fixed in the room is estimated to 0.35 deg, and about 0 without
+    one.
+    """
     realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)
     poses = simulate("01", "right", "rom", 12, realism, 1500).poses()
     rng, frames = np.random.default_rng(2), len(poses.frame)

@@ -1,4 +1,4 @@
-"""Fingertips of fitted hands, and what touches and contacts say of them."""
+"""Fingertips of fitted hands, and their correction by touches and pad contacts."""
 
 from dataclasses import dataclass, replace
 
@@ -18,19 +18,19 @@ from shukotsu.tables.poses import Poses
 
 QUICK = FitSettings(n_frames=60, rounds=1)
 SOFT_MM = np.array([5.0, 4.4, 3.5, 4.6, 3.9])
-"""Soft tips of the person in these tests, along the bones: within a sd or two of the published."""
+"""Soft tissue beyond the bones' ends of the person in these tests, within 2 sd of the published means."""
 
 
 @dataclass(frozen=True)
 class Person:
-    """A simulated person: fingertips as fitted, the recording that they were fitted to, and its poses."""
+    """A simulated person: fitted fingertips, the recording that they were fitted to, and its poses."""
 
     tips: Fingertips
     drawn: Simulated
     poses: Poses
 
     def true_mm(self, rows: slice | Array, part: str) -> Array:
-        """Points (T, 5, 3) of the true hand in the transmitter frame."""
+        """Return the true positions (T, 5, 3) of a part of every tip in the transmitter frame."""
         truth = self.drawn.truth
         turn, offset = truth.bone_quaternion[rows][:, TIP_BONES], np.zeros((5, 3))
         if part == TIP:
@@ -40,7 +40,7 @@ class Person:
         return truth.tip_mm[rows] + rotate(turn, offset)
 
     def touches(self, seed: int, digits: tuple[str, ...] = DIGITS) -> list[Touch]:
-        """One touch of every digit's soft tip, 0.4 mm off in every direction, in a frame of its own."""
+        """Return one touch of each digit's soft tip, in a random frame, with an error of 0.4 mm per axis."""
         rng, touches = np.random.default_rng(seed), []
         for digit in digits:
             row = rng.integers(0, len(self.poses.frame), 1)
@@ -49,7 +49,7 @@ class Person:
         return touches
 
     def off_mm(self, tips: Fingertips, part: str) -> Array:
-        """Mean distance (5,) of every digit's part to its true place."""
+        """Return each digit's mean distance (5,) between a part and its true position, in mm."""
         rows = slice(None, None, 20)
         points = tips.in_transmitter(self.poses, part)[rows]
         return np.asarray(np.linalg.norm(points - self.true_mm(rows, part), axis=-1).mean(0))
@@ -57,13 +57,15 @@ class Person:
 
 @pytest.fixture(scope="module", params=["right", pytest.param("left", marks=pytest.mark.slow)])
 def person(request: pytest.FixtureRequest) -> Person:
-    drawn, poses = recorded(request.param, seed=6, field_distortion=0.0)  # it bends point and hand alike
+    drawn, poses = recorded(
+        request.param, seed=6, field_distortion=0.0
+    )  # which would move the touched points
     fit = fit_hand([poses], read_layout("liberty16"), request.param, settings=QUICK)
     return Person(fingertips(fit), drawn, poses)
 
 
-def test_tips_are_where_the_hand_has_them(person: Person) -> None:
-    """Untouched, bone, tip and pad are some mm off, and no more than their covariance allows."""
+def test_tips_without_touches_are_within_their_covariance(person: Person) -> None:
+    """Without touches, bone end, tip and pad are a few mm off, in agreement with their covariance."""
     assert tuple(person.tips.digits) == DIGITS
     for part, most_mm in ((BONE, 5.0), (TIP, 5.5), (PAD, 5.5)):
         off = person.off_mm(person.tips, part)
@@ -81,10 +83,10 @@ def test_tips_are_where_the_hand_has_them(person: Person) -> None:
         arm = person.true_mm(slice(None), BONE)[:, i] - person.poses.position_mm[:, receiver]
         off_mm = rotate(back, arm).mean(0) - tip.point_mm
         squares.append(off_mm @ np.linalg.solve(tip.covariance_mm2, off_mm))
-    assert sum(squares) < 37.7  # chi-square of 15, 1 in 1000
+    assert sum(squares) < 37.7  # chi-square with 15 degrees of freedom, p = 0.001
 
 
-def test_derivatives_are_those_of_the_points(person: Person) -> None:
+def test_derivatives_of_the_points_equal_finite_differences(person: Person) -> None:
     tips = person.tips
     fit, rng = tips.fit, np.random.default_rng(0)
     x, offsets = fit.posterior.x, tips.offsets_mm
@@ -99,8 +101,10 @@ def test_derivatives_are_those_of_the_points(person: Person) -> None:
         np.testing.assert_allclose(derivative @ along, slope, rtol=1e-6, atol=1e-6)
 
 
-def test_one_touch_a_finger_finds_the_tips(person: Person) -> None:
-    """Soft tips come to the touch's error, bones to that and what is not known of the flesh between."""
+def test_one_touch_per_digit_locates_the_tips(person: Person) -> None:
+    """Soft tips are then as accurate as the touches, bone ends a little less; the joints' sds do not grow,
+    and the covariance and mean states stay consistent.
+    """
     tips = with_touches(person.tips, person.touches(1))
     assert tips.refused == ()
     assert person.off_mm(tips, TIP).mean() < 0.8 < 1.5 < person.off_mm(person.tips, TIP).mean()
@@ -121,8 +125,8 @@ def test_one_touch_a_finger_finds_the_tips(person: Person) -> None:
     assert tips.fit.joints["index_dip"].sd_mm < 0.9 * person.tips.fit.joints["index_dip"].sd_mm
 
 
-def test_a_wrong_touch_is_left_out(person: Person) -> None:
-    """A touch booked on the wrong digit is refused with its reason, and the others stay."""
+def test_a_touch_of_the_wrong_digit_is_refused(person: Person) -> None:
+    """A touch far from its digit's tip is refused with its reason; the others are used as without it."""
     touches = person.touches(6)
     wrong = replace(touches[2], point_mm=touches[2].point_mm + np.array([0.0, 9.0, 9.0]))
     alone = with_touches(person.tips, [wrong])
@@ -137,9 +141,9 @@ def test_a_wrong_touch_is_left_out(person: Person) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("person", ["right"], indirect=True)
-def test_pads_that_meet_are_found_and_count(person: Person) -> None:
-    """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
-    true ones: a contact says where two pads are to each other, not where both are.
+def test_pad_contacts_are_found_and_improve_the_pads(person: Person) -> None:
+    """In the opposition task contacts of every finger are found, in the range-of-motion task hardly any. They
+    bring the fitted pads closer together: a contact determines the pads' relative position only.
     """
     drawn, poses = recorded(person.drawn.hand, "opposition", seed=6, field_distortion=0.0)
     other = Person(person.tips, drawn, poses)
@@ -167,16 +171,18 @@ def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
 
 
-def acted(tips: Fingertips, pads_mm: Array) -> Poses:
-    """Receivers that never turn, with pads (T, 5, 3) where a script wants them."""
+def scripted_poses(tips: Fingertips, pads_mm: Array) -> Poses:
+    """Return poses of receivers that never turn, with the pads at given positions (T, 5, 3) in mm."""
     position = pads_mm - np.array([tip.pad_mm for tip in tips.digits.values()])
     time, still = np.arange(len(pads_mm)), np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
     receivers = tuple(tip.receiver for tip in tips.digits.values())
     return Poses(receivers, time, time / 240, position, still, np.ones(position.shape[:2], bool))
 
 
-def test_a_contact_is_near_nearest_and_held(person: Person) -> None:
-    """A script: the index is held on the thumb, twice, with the middle finger close by; the ring passes."""
+def test_a_contact_is_the_nearest_pad_held_close(person: Person) -> None:
+    """The index pad is held at the thumb twice, the middle finger close by, while the ring finger only
+    passes: two contacts, both of the index.
+    """
     tips = person.tips
     pads = np.zeros((1000, 5, 3))
     pads[:, :, 0] = [0.0, 60.0, 60.0, 60.0, 60.0]
@@ -187,7 +193,7 @@ def test_a_contact_is_near_nearest_and_held(person: Person) -> None:
     pads[:, 1, 0] = away
     pads[:, 2, 0] = away + 3.0
     pads[between, 3, 0] = np.linspace(-80, 80, 200)
-    contacts = find_contacts(tips, acted(tips, pads))
+    contacts = find_contacts(tips, scripted_poses(tips, pads))
     assert [contact.digits[1] for contact in contacts] == ["index", "index"]
     for contact in contacts:
         apart = (
@@ -199,7 +205,7 @@ def test_a_contact_is_near_nearest_and_held(person: Person) -> None:
         np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
         assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
         assert 5 <= len(apart) < 30
-    assert find_contacts(tips, acted(tips, pads[:5])) == []
+    assert find_contacts(tips, scripted_poses(tips, pads[:5])) == []
 
 
 def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:

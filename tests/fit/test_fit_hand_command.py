@@ -1,4 +1,4 @@
-"""The stage on files: what it writes, what it refuses, and what sheets of measurements and touches do."""
+"""The fit_hand stage: its tables, its refusals, and its use of the sheets of measurements and touches."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ REPLAYED = 520
 
 
 class HandAlone:
-    """Recordings of a right hand, whole and short, as a command line names them."""
+    """A full and a thinned recording of a right hand on disk, and the stage's command line for them."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -55,7 +55,7 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> HandAlone:
     return HandAlone(tmp_path_factory.mktemp("hand"))
 
 
-def test_tables_of_a_hand_alone_and_of_a_recording_posed_with_it(hand: HandAlone, tmp_path: Path) -> None:
+def test_the_stage_writes_the_tables_of_a_hand_and_a_posed_task(hand: HandAlone, tmp_path: Path) -> None:
     task = recorded("right", "opposition", seed=6, n_frames=800)[1].take(slice(REPLAYED))
     replayed = write_poses(hand.folder / "replayed.parquet", task, "right", "opposition")
     fitted = tmp_path / "fitted"
@@ -83,7 +83,7 @@ def test_tables_of_a_hand_alone_and_of_a_recording_posed_with_it(hand: HandAlone
     seen, blind = column_array(tips, "error_mm"), column_array(tips, "error_left_out_mm")
     assert np.isfinite(seen).all()
     tried = np.isfinite(blind)
-    assert 250 * 5 <= tried.sum() <= 512 * 5, "the error left out is that of some frames"
+    assert 250 * 5 <= tried.sum() <= 512 * 5, "only some frames are posed without the tip's receiver"
     assert seen[tried].mean() < blind[tried].mean() < 1.5
 
 
@@ -95,31 +95,34 @@ def sheet(hand: HandAlone, kind: str, *lines: str) -> str:
 
 Refused = Callable[[HandAlone], list[str]]
 REFUSALS: dict[str, tuple[Refused, str]] = {
-    "a quantity that is none": (
+    "an unknown quantity": (
         lambda h: [sheet(h, "measurements", "01\tright\tindex_midle\t20\t0.5")],
         "row 2, column quantity: 'index_midle' cannot be measured on layout liberty16; did you mean "
         "'index_middle'?",
     ),
-    "a touch of no digit": (
+    "a touch of an unknown digit": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tfoot\ttip\t1\t2\t0\t0\t0\t1")],
         "row 2: digit 'foot' has no fingertip; expected one of thumb, index, middle, ring, little",
     ),
-    "a digit that met itself": (
+    "a contact of a digit with itself": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex")],
         "row 2: column meets: is 'index', as is column digit; expected another digit",
     ),
-    "a touch of neither a point nor a digit": (
+    "a touch with neither a point nor a second digit": (
         lambda h: [sheet(h, "touches", "01\tright\trom\tindex\ttip\t1\t2\t0\t\t0\t1")],
         "row 2, column y_mm: is ''; expected a number, or a cell in column meets",
     ),
     "a hand length in cm": (lambda _: ["--hand-length-mm=18"], "--hand-length-mm: is 18; expected"),
-    "a model without a fit": (lambda _: ["--model=rigid"], "model rigid does not fit a whole hand"),
+    "a model without a whole-hand fit": (
+        lambda _: ["--model=rigid"],
+        "model rigid does not fit a whole hand",
+    ),
     "the other hand's poses": (lambda _: ["--hand=left"], "expected subject 01, left hand"),
 }
 
 
 @pytest.mark.parametrize("what", REFUSALS)
-def test_bad_input_is_one_sentence_and_writes_nothing(
+def test_bad_input_is_refused_in_one_sentence_and_nothing_is_written(
     hand: HandAlone, capsys: pytest.CaptureFixture[str], tmp_path: Path, what: str
 ) -> None:
     options, sentence = REFUSALS[what]
@@ -145,9 +148,9 @@ def planned(folder: Path, **sheets: list[str]) -> PlannedSubject:
     return planned_subject(folder, recordings, ["quick", "rigid"], n_frames=120, **sheets)
 
 
-def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A measurement that is none fails every part of its hand; a hand that nothing calibrates is no problem
-    of the fit, so that what the study reads of its problems is empty.
+def test_a_failure_is_recorded_for_its_part_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unknown measurement fails every table of its hand. A hand without a calibration recording has failed
+    tables too, but empty tables of receivers, gains and pulls, as nothing went wrong in its fit.
     """
     subject = planned(tmp_path, measurements=["01\tright\tindex_midle\t20\t0.5"])
     sentence = r"measurements\.tsv: column quantity: 'index_midle' cannot be measured"
@@ -173,10 +176,10 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
         assert message in capsys.readouterr().err
 
 
-def test_hands_fitted_in_one_job_are_as_fitted_each_in_its_own(
+def test_hands_fitted_in_one_job_equal_those_of_separate_jobs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To the same bytes, and each is fitted once, not once more for the other's sake."""
+    """The files are the same bytes, and each hand is fitted only once."""
     recordings = [(hand, "rom", "calibration") for hand in ("right", "left")]
     subject, fitted = planned_subject(tmp_path, recordings, ["quick"], n_frames=120), list[str]()
 

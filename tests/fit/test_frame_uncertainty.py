@@ -1,4 +1,4 @@
-"""Errors stated of posed frames: against posing again, against the truth, and with receivers taken away."""
+"""Stated errors of posed frames: their derivatives, their agreement with the truth, and missing receivers."""
 
 from dataclasses import replace
 
@@ -38,14 +38,14 @@ def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedH
     return poses, pose_hand(tips.fit, poses)
 
 
-def stated(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
+def stated_errors(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
     return posed_errors(tips, posed, tips.fit.convention.frames(poses))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("worn", [(), SIX])
-def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: tuple[str, ...]) -> None:
-    """Unknowns moved a little along one of the map's numbers, and the frames' own solved again."""
+def test_error_derivatives_equal_posing_with_a_changed_hand(tips: Fingertips, worn: tuple[str, ...]) -> None:
+    """The unknowns are moved along an uncertain direction, and the frames' states are solved again."""
     poses, posed = task_of(tips, worn)
     fit = tips.fit
     frames = fit.convention.frames(poses)
@@ -78,10 +78,10 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
 
 
 @pytest.mark.parametrize("worn", [(), SIX])
-def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) -> None:
-    """Nearly all centres, PIP angles and tips are within the 95 % that is stated, and not far within."""
+def test_errors_agree_with_the_stated_ones(tips: Fingertips, worn: tuple[str, ...]) -> None:
+    """Nearly all centres and PIP angles are within their stated 95 % bounds, which are not far too wide."""
     poses, posed = task_of(tips, worn)
-    errors = stated(tips, poses, posed)
+    errors = stated_errors(tips, poses, posed)
     side = "left" if tips.fit.convention.left else "right"
     truth = recorded(side, "opposition", seed=4, n_frames=1600)[0].truth
     rows, places = slice(0, None, 80), [BONES.index(name) for name in posed.bones]
@@ -97,14 +97,14 @@ def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) 
     assert np.mean(np.abs(off) < 1.96 * sd) > 0.85
 
 
-def test_what_is_not_posed_has_no_error_and_a_lost_receiver_costs_its_frames(tips: Fingertips) -> None:
+def test_unposed_frames_have_no_error_and_a_lost_receiver_raises_it(tips: Fingertips) -> None:
     poses, _ = task_of(tips)
     valid = poses.valid.copy()
     valid[3, 1:] = False
     valid[7, poses.index("ring_distal")] = False
     lossy = replace(poses, valid=valid)
-    errors = stated(tips, lossy, pose_hand(tips.fit, lossy))
-    whole = stated(tips, poses, pose_hand(tips.fit, poses))
+    errors = stated_errors(tips, lossy, pose_hand(tips.fit, lossy))
+    whole = stated_errors(tips, poses, pose_hand(tips.fit, poses))
     for values in (errors.centre_mm, errors.turn_deg, errors.tips_mm, errors.angles_deg["index_pip"]):
         assert np.isnan(values[3]).all()
         assert np.isfinite(np.delete(values, 3, 0)).all()
@@ -115,10 +115,12 @@ def test_what_is_not_posed_has_no_error_and_a_lost_receiver_costs_its_frames(tip
     np.testing.assert_allclose(errors.tips_mm[7, others], whole.tips_mm[7, others])
 
 
-def test_of_the_same_hand_in_another_session_less_is_uncertain(tips: Fingertips) -> None:
-    """Nothing differs in a posture's change from itself; elsewhere a part of what the hand leaves open."""
+def test_errors_between_sessions_of_one_hand_are_smaller(tips: Fingertips) -> None:
+    """Angles compared between sessions of one hand are more certain than angles themselves, and the change of
+    a posture that stays the same has no error.
+    """
     poses, posed = task_of(tips)
-    errors = stated(tips, poses, posed)
+    errors = stated_errors(tips, poses, posed)
     for joint, sd_deg in errors.angles_deg.items():
         assert (errors.session_deg[joint] < sd_deg).all()
         assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()

@@ -1,4 +1,4 @@
-"""Compiled code against what it should compute, on random chains."""
+"""The compiled equations against plain numpy, on random chains."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,11 +30,11 @@ from shukotsu.fit.operations import Branch, Mark, Operation, Reached, Side, Step
 from shukotsu.hand.rotations import Array, exp_rotation, unit
 
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
-"""Sizes of a random hand; each branch has states to itself, unknowns are anybody's."""
+"""Sizes of a random hand; a state belongs to one branch, an unknown may occur in any."""
 
 FIELD = FieldDistortion(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
 ALL = UNKNOWNS + 12
-"""The room's field has as many unknowns again."""
+"""Number of unknowns with the twelve of the room's field."""
 
 CLOSE, STEP = 1e-9, 1e-6
 
@@ -54,7 +54,7 @@ def random_operation(rng: np.random.Generator, states: range) -> Operation:
 
 
 def random_steps(rng: np.random.Generator, states: range, marks: list[str], depth: int) -> list[Step]:
-    """Operations and turns up to each mark, the middle one on a side branch."""
+    """Return operations and turns up to each mark, the second mark on a side branch."""
     steps: list[Step] = []
     for i, mark in enumerate(marks):
         way: list[Step] = [random_operation(rng, states) for _ in range(rng.integers(2, 6))]
@@ -67,7 +67,7 @@ def random_steps(rng: np.random.Generator, states: range, marks: list[str], dept
 
 
 def random_problem(seed: int, n_frames: int) -> tuple[Problem, Point]:
-    """A hand whose second branch has no states, and a point some way off what was measured."""
+    """Return a problem whose second branch has no states, and a point some way from the one measured."""
     rng = np.random.default_rng(seed)
     names = [f"receiver {i}" for i in range(RECEIVERS)]
     first = np.cumsum([0, *STATES])
@@ -108,7 +108,9 @@ def measured(
     receivers: tuple[tuple[tuple[int, int], ...], ...],
     point: Point,
 ) -> Frames:
-    """Poses of receivers with noise and a few far off, a tenth of them not valid, and in one frame all."""
+    """Return receivers' poses with noise and outliers, a tenth of them invalid and, of several frames, all of
+    the first.
+    """
     n_frames = len(point.y)
     rotation, position = np.empty((n_frames, RECEIVERS, 3, 3)), np.empty((n_frames, RECEIVERS, 3))
     for branch, each in zip(branches, receivers, strict=True):
@@ -122,8 +124,8 @@ def measured(
     return Frames(rotation, position, valid)
 
 
-def walked(branch: Branch, point: Point) -> Reached:
-    """Go through a chain one step after the other, each a product of matrices."""
+def computed_step_by_step(branch: Branch, point: Point) -> Reached:
+    """Compute a branch's poses and axes step by step as products of matrices."""
     (n_frames, _), (R, t), left = point.y.shape, (point.root, point.root_mm), list[tuple[Array, Array]]()
     reached = Reached(*(np.empty((n, n_frames, *shape)) for n, shape in (
         (len(branch.marks), (3, 3)), (len(branch.marks), (3,)),
@@ -169,7 +171,7 @@ def test_compiled_residuals_equal_numpy(seed: int, n_frames: int) -> None:
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
     frame_cost = problem.temper * (y_off**2).sum(1) / 2
     for each, branch, receivers in zip(computed.branches, problem.branches, problem.receivers, strict=True):
-        reached = walked(branch, point)
+        reached = computed_step_by_step(branch, point)
         for name in ("rotation", "position_mm", "axis", "origin_mm"):
             assert_same(getattr(each.reached, name), getattr(reached, name))
         for i, (mark, s) in enumerate(receivers):
@@ -192,10 +194,9 @@ def test_compiled_residuals_equal_numpy(seed: int, n_frames: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_analytic_derivatives_equal_differences(seed: int) -> None:
-    """By states, by the root and by the unknowns, with weights and tempering in, against differences.
-
-    The room's field, which turns what is measured, is so to first order, and its positions are left out.
+def test_analytic_derivatives_equal_finite_differences(seed: int) -> None:
+    """Derivatives by the root, the states and the unknowns include weights and tempering. Those by the room's
+    field are exact to first order only, and are taken of rotations alone.
     """
     problem, point = random_problem(seed, 7)
     weights = [np.sqrt(problem.temper * each.weight) for each in residuals(problem, point).branches]
@@ -238,8 +239,8 @@ def test_analytic_derivatives_equal_differences(seed: int) -> None:
 
 
 def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, Array, Point]:
-    """Matrix and gradient of x, and the point after its step: all unknowns in one matrix, those of frames
-    eliminated from it.
+    """Return the reduced matrix and gradient of x, and the point after the step, by elimination of all
+    frames' states and roots from one dense matrix.
     """
     n, n_y, n_x = len(point.y), point.y.shape[1], len(point.x)
     size = n * (n_y + 6) + n_x
@@ -298,7 +299,7 @@ def test_the_eliminated_step_equals_the_dense_one(seed: int, damping: float) -> 
 
 
 @pytest.mark.parametrize(("seed", "n_frames"), [(0, 1), (1, 7), (2, 2 * BLOCK_FRAMES + 1)])
-def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: int) -> None:
+def test_each_frame_is_posed_independently_to_its_optimum(seed: int, n_frames: int) -> None:
     problem, point = random_problem(seed, n_frames)
     computed = pose(problem, point)
     before, cost, later = (
@@ -315,8 +316,8 @@ def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: i
             )
 
 
-def test_what_an_older_kernel_left_is_not_read() -> None:
-    """It may hold another chapter's code as that was, or name types that are gone, which ends the process."""
+def test_cache_files_of_an_older_kernel_are_removed() -> None:
+    """They may hold outdated code or name types that no longer exist, which would end the process."""
     folder, name = Path(forward.condense.stats.cache_path), forward.condense.py_func.__qualname__
     stale, fresh = folder / "forward.condense_012345678901-0.old.nbi", folder / f"forward.{name}-0.new.nbi"
     for index in (stale, fresh):

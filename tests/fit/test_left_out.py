@@ -1,4 +1,4 @@
-"""What is left out of a calibration in which receivers were displaced, and what the receivers' rows say."""
+"""Frames left out of a calibration because receivers were displaced, and the receivers table about it."""
 
 from dataclasses import replace
 from typing import cast
@@ -21,8 +21,8 @@ def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
     return LooseReceiver(segment, moment, moment, np.array([5.0, 0.0, 0.0, 0.0, 0.1, 0.0]))
 
 
-def test_the_longer_part_is_kept() -> None:
-    """Before, after, or between two moments; over all recordings, of which one may lack the receiver."""
+def test_the_longest_part_between_displacements_is_kept() -> None:
+    """It may lie before, after or between two moments and run over recordings; one may lack the receiver."""
     poses = recorded(seed=5, n_frames=600)[1]
     valid = poses.valid.copy()
     valid[:450, poses.index("hand")] = False
@@ -60,7 +60,7 @@ def test_the_longer_part_is_kept() -> None:
     }
 
 
-def test_rows_say_what_moved_and_what_was_left_out() -> None:
+def test_receiver_rows_report_displacements_and_the_frames_left_out() -> None:
     left = fitted("left")
     tips, names = fingertips(left), [RecordingName("01", "left", "rom", "2")]
     step = np.array([0.0, 8.0, 0.0, 0.1, 0.0, 0.0])

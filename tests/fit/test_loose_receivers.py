@@ -1,4 +1,4 @@
-"""Receivers displaced on simulated hands: that came loose, that slid, that are near metal, and skin."""
+"""Detection of receivers that came loose or slid, of metal near the hand, and no false alarms from skin."""
 
 from dataclasses import replace
 
@@ -26,9 +26,9 @@ def hand(side: str = "right", task: str = "rom", seed: int = 5) -> tuple[Simulat
 def loosened(
     poses: Poses, segment: str, at: int, shift_mm: float, turn_deg: float, seed: int = 0, slide: int = 1
 ) -> Poses:
-    """The recording with a receiver shifted and turned in its own frame, about and along random axes.
+    """Return the poses with one receiver shifted and turned in its own frame, along and about random axes.
 
-    at : the first row with the receiver elsewhere; slide : so many rows until it has got there.
+    at : the first displaced row; slide : number of rows over which the displacement grows to its full size.
     """
     rng = np.random.default_rng(seed)
     index = poses.index(segment)
@@ -52,10 +52,10 @@ def loose_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
     ("segment", "shift_mm", "turn_deg"),
     [
         ("hand", 4.0, 0.0),
-        pytest.param("ring_proximal", 30.0, 40.0, marks=pytest.mark.slow),  # it hangs by its cable
+        pytest.param("ring_proximal", 30.0, 40.0, marks=pytest.mark.slow),  # it dangles from its cable
     ],
 )
-def test_a_loose_receiver_is_named(layout: Layout, segment: str, shift_mm: float, turn_deg: float) -> None:
+def test_a_loose_receiver_is_found(layout: Layout, segment: str, shift_mm: float, turn_deg: float) -> None:
     poses = hand()[1]
     (loose,) = loose_in(layout, "right", loosened(poses, segment, 1500, shift_mm, turn_deg))
     assert (loose.segment, loose.start.recording, loose.slid) == (segment, 0, False)
@@ -66,8 +66,8 @@ def test_a_loose_receiver_is_named(layout: Layout, segment: str, shift_mm: float
 
 
 @pytest.mark.slow
-def test_a_slow_slide_is_named(layout: Layout) -> None:
-    """A receiver that crept over half of the recording: from when until when, and how far in all."""
+def test_a_slow_slide_is_detected_with_its_start_and_end(layout: Layout) -> None:
+    """A receiver creeps 8 mm over half of the recording; its speed is found to 35 %."""
     poses = hand()[1]
     (loose,) = loose_in(layout, "right", loosened(poses, "index_proximal", 900, 8.0, 0.0, slide=1800))
     assert (loose.segment, loose.slid) == ("index_proximal", True)
@@ -78,7 +78,10 @@ def test_a_slow_slide_is_named(layout: Layout) -> None:
 
 
 def beside_metal(poses: Poses, mm: float) -> tuple[Poses, Array]:
-    """The hand goes to a place by steel and back; what comes nearest is off by about mm, and mm degrees."""
+    """Return poses of a hand that moves towards steel and back, and the steel's position (3,) in mm.
+
+    mm : error of the nearest receivers, in mm and as a turn in deg.
+    """
     row, way = np.arange(len(poses.frame)), np.array([0.8, -0.6, 0.0])
     gone = np.interp(row / len(row), [0.2, 0.35, 0.55, 0.7], [0.0, 1.0, 1.0, 0.0])
     there = poses.position_mm + 150.0 * gone[:, None, None] * way
@@ -92,8 +95,7 @@ def beside_metal(poses: Poses, mm: float) -> tuple[Poses, Array]:
 
 
 @pytest.mark.slow
-def test_metal_is_named_once_by_its_place(layout: Layout) -> None:
-    """No receiver is called loose."""
+def test_metal_is_located_and_no_receiver_called_loose(layout: Layout) -> None:
     poses, steel = beside_metal(hand()[1], 10.0)
     displaced = displaced_in(fit_hand([poses], layout, "right", settings=QUICK), [poses])
     assert displaced.field is not None
@@ -103,14 +105,16 @@ def test_metal_is_named_once_by_its_place(layout: Layout) -> None:
 
 
 def error_mm(fit: HandFit, drawn: Simulated) -> float:
-    """The worse one of the centres next to the middle finger's middle receiver, in that receiver's frame."""
+    """Return the larger error of the PIP and DIP centres in the frame of the middle finger's middle
+    receiver.
+    """
     pip, dip = ((fit.joints[name], drawn.truth.joints[name]) for name in ("middle_pip", "middle_dip"))
     off_mm = pip[0].child_mm - pip[1].child_mm, dip[0].parent_mm - dip[1].parent_mm
     return float(np.linalg.norm(off_mm, axis=-1).max())
 
 
 @pytest.mark.slow
-def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout) -> None:
+def test_leaving_out_displaced_frames_restores_the_hand(layout: Layout) -> None:
     drawn, poses = hand()
     loose = loosened(poses, "middle_middle", 2000, 8.0, 12.0)
     untouched, spoilt = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, loose))
@@ -125,9 +129,8 @@ def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout) -> None:
 
 @pytest.mark.slow
 def test_a_displacement_of_any_receiver_is_detected(layout: Layout) -> None:
-    """A shift of 5 mm or a turn of 14 deg, now in one task, now in the other: at most one of 16 is missed.
-
-    Twice as much of the receiver over the thumb's metacarpal, whose skin moves it as far as that.
+    """Of displacements of all 16 receivers by 5 mm or 14 deg, in either task, at most one is missed. The
+    thumb metacarpal's receiver is displaced by twice as much, as skin alone moves it as far as the others.
     """
     missed = []
     tasks = (("right", "rom"), ("left", "opposition"))
@@ -145,7 +148,7 @@ def test_a_displacement_of_any_receiver_is_detected(layout: Layout) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10, 12))
 def test_an_undisturbed_hand_has_no_loose_receiver(layout: Layout, seed: int) -> None:
-    """Two subjects, both tasks, skin as usual and twice as loose."""
+    """Both tasks, with the usual skin motion and twice as much."""
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):
@@ -155,16 +158,18 @@ def test_an_undisturbed_hand_has_no_loose_receiver(layout: Layout, seed: int) ->
 
 
 @pytest.mark.slow
-def test_a_hand_that_goes_elsewhere_and_back_says_nothing(layout: Layout) -> None:
-    """With poses from the wrong side for a while."""
+def test_a_hand_that_moves_away_and_back_has_no_loose_receiver(layout: Layout) -> None:
+    """For 30 frames one receiver's position is that of the transmitter's opposite hemisphere."""
     clean = beside_metal(hand()[1], 0.0)[0]
     flipped = clean.position_mm.copy()
     flipped[1500:1530, 4] *= -1.0
     assert not loose_in(layout, "right", replace(clean, position_mm=flipped))
 
 
-def test_courses_are_steps_slides_and_returns() -> None:
-    """Steps sit long enough in both places, slides take a fifth of the recording, what returns ends at 0."""
+def test_courses_include_steps_slides_and_returns() -> None:
+    """Steps leave blocks on both sides, slides last at least a fifth of the recording, returns end at
+    zero.
+    """
     ways = courses(40)
     steps = (ways.start == ways.end) & ~ways.returns
     slides = (ways.start < ways.end) & ~ways.returns
@@ -176,8 +181,10 @@ def test_courses_are_steps_slides_and_returns() -> None:
     assert not len(courses(2).start)
 
 
-def test_most_that_a_normal_displacement_gains() -> None:
-    """All of the gain where the likeliest is normal; at the ellipsoid's edge where it is far outside."""
+def test_the_gain_is_limited_to_displacements_of_normal_size() -> None:
+    """The best displacement's gain counts in full inside the ellipsoid of normal ones; outside, that at its
+    edge.
+    """
     curvature, radii = np.diag([4.0, 1.0, 1.0, 1.0, 1.0, 1.0])[None], np.full((1, 6), 1.0)
     for step, gain in ((0.5, 0.5), (3.0, 12.0 - 2.0)):
         slope = -4.0 * np.array([[step, 0.0, 0.0, 0.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Receivers that sit elsewhere in an evaluated recording than in the calibration; nothing else is doubted."""
+"""Receivers that moved on the hand between the calibration and an evaluated recording."""
 
 from dataclasses import replace
 from functools import cache
@@ -34,7 +34,7 @@ def fitted() -> HandFit:
 
 
 def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...], first: int = 0) -> Poses:
-    """The task with a receiver turned about its own axis and shifted in its own frame from a row on."""
+    """Return the task with a receiver turned (deg) and shifted (mm) in its own frame from row `first` on."""
     poses = thinned("opposition")
     s, position, quaternion = poses.index(segment), poses.position_mm.copy(), poses.quaternion.copy()
     position[first:, s] += rotate(quaternion[first:, s], np.array(shift_mm))
@@ -49,7 +49,7 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
         ("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150),
     ],
 )
-def test_a_moved_receiver_is_named_with_shift_rotation_and_frame(
+def test_a_moved_receiver_is_detected_with_shift_turn_and_frame(
     segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...], first: int
 ) -> None:
     poses = moved(segment, axis, deg, shift_mm, first)
@@ -60,7 +60,7 @@ def test_a_moved_receiver_is_named_with_shift_rotation_and_frame(
     assert receiver.turn_deg == pytest.approx(deg, abs=3.0)
 
 
-def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> None:
+def test_only_joints_and_tips_that_need_a_moved_receiver_are_empty(tmp_path: Path) -> None:
     tips = fingertips(fitted())
     poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))
     path = write_poses(tmp_path / "poses.parquet", poses, "right", "opposition")
@@ -85,5 +85,5 @@ def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> Non
     assert np.sqrt(sd_deg**2 - calibrated_sd_deg**2) == pytest.approx(UNSEEN_TURN_DEG, rel=1e-6)
 
 
-def test_nothing_moved_in_a_faultless_recording() -> None:
+def test_no_receiver_is_called_moved_in_a_faultless_recording() -> None:
     assert not moved_in(fitted(), thinned("opposition"))

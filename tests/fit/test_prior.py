@@ -1,4 +1,4 @@
-"""The hand that anatomy expects: nothing moves it but its measured length."""
+"""The reference hand: average anatomy, scaled only by the measured hand length."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ LAYOUT = read_layout("liberty16")
 
 
 def test_the_reference_hand_has_average_bones_and_no_stated_error(tmp_path: Path) -> None:
-    """Bones are those of an average hand or of one as long as measured; nothing is stated of errors."""
+    """Bones are those of an average hand, scaled if a hand length was measured; sds and gains are empty."""
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=250)
     folder, part = subject.fit_folder(model=REFERENCE), subject.part(REFERENCE)
     assert subject.fit("right", model=REFERENCE) == 0
@@ -51,7 +51,7 @@ def test_the_reference_hand_has_average_bones_and_no_stated_error(tmp_path: Path
     assert len(rows["bone_poses"]) == 20 * 63
 
 
-def test_a_study_does_not_name_it(tmp_path: Path) -> None:
+def test_a_study_that_names_a_reference_as_its_model_is_refused(tmp_path: Path) -> None:
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=20)
     study = subject.folder / "study.yaml"
     text = (subject.folder / "quick.yaml").read_text()

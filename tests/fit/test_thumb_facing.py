@@ -1,4 +1,4 @@
-"""A thumb metacarpal's receiver on the nail's side is as good as one on the back of the hand."""
+"""Thumb metacarpal receivers on the nail's side give the same thumb as ones on the back of the hand."""
 
 from functools import cache
 
@@ -32,7 +32,7 @@ def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
 
 
 def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
-    """Errors (2, 2, 3) of the CMC and the MCP joint, parent's and child's half, in the bones' directions."""
+    """Return the errors (2, 2, 3) in mm: CMC and MCP, in the parent's and the child's frame, x y z."""
     drawn, fit = fitted(seed, side, nail=nail)
     errors = np.array(
         [
@@ -50,7 +50,9 @@ def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
 @HANDS
 @SIDES
 def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
-    """Told apart by the data; no centre is weak, and they differ as two that are as sure as they say."""
+    """The fit recognises the facing; no centre is doubtful, and the two fits differ by less than their
+    sds.
+    """
     back, front = (errors_mm(seed, side, nail=nail) for nail in (False, True))
     fits = [fitted(seed, side, nail=nail)[1] for nail in (False, True)]
     assert [fit.model.anatomy["thumb"].faces_nail for fit in fits] == [False, True]
@@ -62,8 +64,8 @@ def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
 
 
 @SIDES
-def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> None:
-    """Angles of the same motion, seen by a receiver on the back of the hand's side and on the nail's."""
+def test_thumb_angles_do_not_depend_on_how_the_receiver_faces(side: str) -> None:
+    """The same motion is recorded with the receiver on the back of the hand and on the nail's side."""
     tables = []
     for nail in (False, True):
         drawn, fit = fitted(4, side, nail=nail)

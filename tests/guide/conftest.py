@@ -1,3 +1,3 @@
-"""A browser for tests of the pictures and of the site."""
+"""Fixtures for the tests of the guide: a browser."""
 
 from browser import browser, watched_page  # noqa: F401

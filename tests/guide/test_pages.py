@@ -1,4 +1,4 @@
-"""Pages of the guide: what is made is in step, charts are tables on the site, pictures say what they show."""
+"""Pages of the guide: generated pages are current, charts have tables, pictures have descriptions."""
 
 import re
 from pathlib import Path
@@ -21,7 +21,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from site_hook import CHART, HEAD, MARK, as_table, cells_as_markdown, on_page_markdown
 
 GENERATED = pages()
-"""The pages that `make docs` writes, of today's schemas, by name."""
+"""The pages that `make docs` would write from the current schemas, by name."""
 NODE = """{number} [ shape=none, margin=0, label=<<table border="2">
 <b><font point-size="18">{rule}</font></b>
 <tr><td align="left"> <b><font point-size="14">&#8618; input</font></b> </td></tr>
@@ -38,22 +38,22 @@ def node(number: int, rule: str, *files: str) -> str:
 
 
 @pytest.mark.parametrize("name", sorted(GENERATED))
-def test_a_generated_page_is_in_step(name: str) -> None:
+def test_a_generated_page_is_current(name: str) -> None:
     assert (DOCS / name).read_text("utf-8") == GENERATED[name], "run `make docs`"
 
 
-def test_types_of_rows_are_in_step_with_the_schemas() -> None:
+def test_row_types_match_the_schemas() -> None:
     assert ROWS.read_text("utf-8") == row_types(), "run `make docs`"
 
 
-def test_rules_their_files_and_who_reads_them_are_read() -> None:
+def test_rules_their_files_and_dependencies_are_parsed() -> None:
     dot = node(0, "all") + node(1, "solve", "r/sub-{subject,[^/]+}/joints.parquet", "r/a.html")
     dot += node(2, "cut", "r/planes.parquet") + "\t1 -> 2\n\t2 -> 0\n}"
     graph = read_filegraph(dot)
     assert graph == RuleGraph({"solve": ["joints", "a.html"], "cut": ["planes"]}, [("solve", "cut")])
 
 
-def test_what_a_longer_way_implies_is_left_out() -> None:
+def test_edges_implied_by_longer_paths_are_left_out() -> None:
     assert direct_edges({"a": {"b", "c", "d"}, "b": {"c"}, "c": {"d"}, "d": set()}) == [
         ("a", "b"),
         ("b", "c"),
@@ -77,11 +77,11 @@ GRAPH = RuleGraph({"draw": ["report.html"], "solve": ["joints", "planes"]}, [("s
 TABLE = f"{HEAD['en']}\n| **solve** | joints, planes | draw |\n| **draw** | report.html |  |"
 
 
-def test_a_chart_of_rules_is_a_table_in_their_order() -> None:
+def test_a_chart_of_rules_becomes_a_table() -> None:
     assert as_table(mermaid(GRAPH)) == TABLE
 
 
-def test_every_chart_of_the_guide_is_turned() -> None:
+def test_every_chart_of_the_guide_becomes_a_table() -> None:
     assert CHART.search(PAGE.read_text("utf-8"))
     config = MkDocsConfig()
     config.docs_dir = str(DOCS)
@@ -90,11 +90,11 @@ def test_every_chart_of_the_guide_is_turned() -> None:
         assert "```mermaid" not in text, page.name
 
 
-def test_cells_are_text_and_blocks_without_outputs() -> None:
+def test_notebook_cells_become_text_and_code_blocks() -> None:
     assert cells_as_markdown(NOTEBOOK) == "## A question\nWhy?\n\n```python\nx = 1\nx\n```"
 
 
-def test_notebooks_are_on_a_page_and_kept_without_outputs() -> None:
+def test_notebooks_are_shown_on_a_page_and_stored_without_outputs() -> None:
     shown = {name for page in DOCS.glob("*.md") for name in MARK.findall(page.read_text("utf-8"))}
     assert shown == {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.ipynb")} != set()
     for name in shown:
@@ -111,8 +111,8 @@ def text_of(page: str) -> str:
     return (DOCS / page).read_text("utf-8")
 
 
-def test_every_picture_is_on_a_page_and_in_words_of_both_languages() -> None:
-    """A picture with words is there in Japanese too, for the site, though its page may not be."""
+def test_every_picture_is_used_and_exists_in_both_languages() -> None:
+    """A picture with text also exists in Japanese for the site, even if its page is not translated."""
     text = "".join(page.read_text("utf-8") for page in DOCS.glob("*.md"))
     shown, names = set(re.findall(r"\(pictures/(.*?)\)", text)), {path.name for path in PICTURES}
     of_words = {path.name for path in PICTURES if "<text" in path.read_text("utf-8")}
@@ -126,7 +126,7 @@ def test_every_picture_is_on_a_page_and_in_words_of_both_languages() -> None:
 
 
 @pytest.mark.parametrize("picture", PICTURES, ids=lambda path: path.name)
-def test_a_picture_says_in_words_what_it_shows_and_is_whole_by_itself(picture: Path) -> None:
+def test_a_picture_has_title_and_description_and_loads_nothing(picture: Path) -> None:
     text = picture.read_text("utf-8")
     root = ElementTree.fromstring(text)
     languages = {"ja"} if picture.name.endswith(".ja.svg") else {"en"}
@@ -139,7 +139,7 @@ def test_a_picture_says_in_words_what_it_shows_and_is_whole_by_itself(picture: P
     assert not re.search(r"(?:href|src)=\"(?!#)|url\((?!#)|<script", text)
 
 
-def test_the_protocol_has_a_box_for_every_movement_of_the_page() -> None:
+def test_the_protocol_lists_every_movement_of_the_calibration_page() -> None:
     protocol = text_of("protocol.md").lower()
     headings = re.findall(r"^\| !.*\*\*(.+)\*\*", text_of("calibrate.md"), re.MULTILINE)
     assert len(headings) == 12

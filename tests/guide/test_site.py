@@ -1,6 +1,6 @@
-"""The guide as a site: built strictly, opened as files with no network, searched, and read by axe-core.
+"""The guide's site: built strictly, used offline from files, searched, and checked by axe-core.
 
-axe-core is in .tools, or where SHUKOTSU_TOOLS says.
+axe-core is read from .tools or the folder SHUKOTSU_TOOLS.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STYLES_FETCH = re.compile(r"""(?:@import|url\()\s*["']?(?:https?:)?//""")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, built strictly, so that a warning would end it."""
+    """The site, built in strict mode, in which a warning is an error."""
     folder = tmp_path_factory.mktemp("site")
     environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
     words = ("build", "--quiet", "--site-dir", folder)
@@ -45,7 +45,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @contextmanager
 def opened(browser: Browser, page: Path, **options: object) -> Iterator[WatchedPage]:
-    """A page of the site, which asks for nothing but the site's files and complains of nothing."""
+    """Yield a page of the site; fail if it requests anything outside the site or writes to the console."""
     with watched(browser, **options) as watched_page:
         watched_page.open(page)
         yield watched_page
@@ -55,7 +55,7 @@ def opened(browser: Browser, page: Path, **options: object) -> Iterator[WatchedP
             if not address.startswith(("file:", "data:", "blob:"))
         ]
         assert foreign == []
-        # To switch languages the theme looks for a list of pages, which browsers let no file read.
+        # The theme's language switch requests sitemap.xml, which browsers refuse to pages opened as files.
         assert [
             line for line in watched_page.console if "sitemap.xml" not in line and "ERR_FAILED" not in line
         ] == []
@@ -63,7 +63,7 @@ def opened(browser: Browser, page: Path, **options: object) -> Iterator[WatchedP
         watched_page.requests.clear()
 
 
-def test_every_page_is_there_in_both_languages_and_no_script(site: Path) -> None:
+def test_every_page_is_built_in_both_languages_without_python_files(site: Path) -> None:
     assert not list(site.rglob("*.py*"))
     pages = {path.name.removesuffix(".md") for path in (REPOSITORY / "docs").glob("*.md")}
     names = {name for name in pages if not name.endswith(".ja")}
@@ -72,7 +72,7 @@ def test_every_page_is_there_in_both_languages_and_no_script(site: Path) -> None
         assert f'<html lang="{language}"' in (folder / "index.html").read_text("utf-8")
 
 
-def test_no_page_fetches_from_elsewhere(site: Path) -> None:
+def test_no_page_loads_external_resources(site: Path) -> None:
     pages = sorted(site.rglob("*.html"))
     assert {
         page.name: FETCHED.findall(page.read_text("utf-8"))
@@ -85,11 +85,11 @@ def test_no_page_fetches_from_elsewhere(site: Path) -> None:
 
 
 def found_by_search(page: WatchedPage, word: str) -> list[Path]:
-    """The pages that the search field of a page lists for a word, the best first."""
+    """Return the pages that the search field lists for a word, best first."""
     field = page.page.locator("input.md-search__input")
-    field.click()  # the index is read when somebody wants it
+    field.click()  # the index is loaded on the first use
     field.fill(word)
-    field.press("End")  # the theme looks at each key that is let go
+    field.press("End")  # the theme reacts to key releases
     page.wait("/\\d|No matching/.test(document.querySelector('.md-search-result__meta').textContent)")
     links = page.page.locator(".md-search-result__link").all()
     return [Path(unquote(urlsplit(str(link.get_attribute("href"))).path)) for link in links]
@@ -104,7 +104,7 @@ def found_by_search(page: WatchedPage, word: str) -> list[Path]:
     ],
 )
 def test_search_works_from_a_file(browser: Browser, site: Path, start: str, word: str, target: str) -> None:
-    """The best hit is the page that is about it, and a click leads there."""
+    """The best hit is the page about the word, and a click opens it."""
     with opened(browser, site / f"{start}.html") as page:
         hits = found_by_search(page, word)
         assert hits[0] == site / f"{target}.html"
@@ -123,7 +123,7 @@ def test_nothing_is_wider_than_the_page(browser: Browser, site: Path, page: str,
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("page", PAGES[:3])
-def test_axe_finds_nothing_serious(browser: Browser, site: Path, page: str, theme: str) -> None:
+def test_axe_finds_no_serious_violation(browser: Browser, site: Path, page: str, theme: str) -> None:
     if not AXE.is_file():
         pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
     with opened(browser, site / f"{page}.html", color_scheme=theme) as shown:

@@ -1,11 +1,11 @@
-"""The drawn hands: read by the simulator alone, which reads nothing that an estimator reads."""
+"""Simulated anatomy is used by the simulator only, which uses no expectation of the estimators."""
 
 import pytest
 from program_files import REPOSITORY, program_files
 
 
 def readers_of(module: str) -> set[str]:
-    """Folders of two levels whose modules name the anatomy module."""
+    """Return the folders (two levels) with modules that mention the anatomy module."""
     return {
         "/".join(path.relative_to(REPOSITORY).parts[:-1][:2])
         for path in program_files(suffix=".py")
@@ -13,10 +13,10 @@ def readers_of(module: str) -> set[str]:
     }
 
 
-def test_no_estimator_reads_whom_the_simulator_draws() -> None:
+def test_no_estimator_uses_the_simulators_anatomy() -> None:
     assert readers_of("drawn_hands") == {"shukotsu/simulate"}
 
 
 @pytest.mark.parametrize("module", ["average_hand", "known_digits"])
-def test_the_simulator_reads_nothing_that_estimators_expect(module: str) -> None:
+def test_the_simulator_uses_no_expectation_of_the_estimators(module: str) -> None:
     assert "shukotsu/simulate" not in readers_of(module)

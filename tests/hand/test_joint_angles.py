@@ -1,4 +1,4 @@
-"""Joint angles against scipy's Euler angles in ISB's own frames, and against postures that have a name."""
+"""Joint angles against Grood and Suntay's definition, scipy's Euler angles and named postures."""
 
 from typing import Any
 
@@ -29,13 +29,15 @@ def some(seed: int, n: int = 20) -> Array:
 
 
 def some_angles(seed: int) -> Array:
-    """Angles (20, 3) in degrees of poses that are not near a singular one."""
+    """Return angles (20, 3) in deg of poses away from the singularity."""
     limit = np.array([179.9, 80.0, 179.9])
     return np.random.default_rng(seed).uniform(-limit, limit, (20, 3))
 
 
 def turned_by(angles: Any, hand: str, rest: Array = STRAIGHT) -> Array:
-    """Child-to-parent quaternions of angles (..., 3), by scipy: turns about y, z, x of our frames."""
+    """Return, with scipy, the child-to-parent quaternions of angles (..., 3): turns about y, z, x of our
+    frames.
+    """
     sign = -1.0 if hand == "right" else 1.0
     turn = Rotation.from_euler("YZX", np.array(angles) * [1.0, sign, sign], degrees=True)
     return multiply(rest, turn.as_quat(scalar_first=True))
@@ -46,12 +48,12 @@ def same_rotation(first: Array, other: Array, atol: float = 1e-9) -> None:
 
 
 @given(SEEDS, HANDS)
-def test_angles_are_those_of_grood_and_suntay(seed: int, hand: str) -> None:
-    """Each angle as measured between lines: the floating axis is at right angles to e1 and to e3."""
+def test_angles_equal_those_of_grood_and_suntay(seed: int, hand: str) -> None:
+    """Each angle is computed between directions; the floating axis e2 is perpendicular to e1 and e3."""
     parent, child = matrix(some(seed)), matrix(some(seed + 1))
     e1, e3 = parent[..., 1], child[..., 0]
     e2 = np.cross(e3, e1)
-    e2 /= np.linalg.norm(e2, axis=-1, keepdims=True)  # dorsal of both bones where the digit is straight
+    e2 /= np.linalg.norm(e2, axis=-1, keepdims=True)  # dorsal for both bones of a straight digit
 
     def from_to(first: Array, second: Array, about: Array) -> Array:
         sine = np.einsum("ti,ti->t", np.cross(first, second), about)
@@ -66,7 +68,7 @@ def test_angles_are_those_of_grood_and_suntay(seed: int, hand: str) -> None:
 
 
 @given(SEEDS, HANDS, st.booleans())
-def test_a_rotation_made_of_angles_has_these_angles(seed: int, hand: str, with_rest: bool) -> None:
+def test_a_rotation_composed_from_angles_has_these_angles(seed: int, hand: str, with_rest: bool) -> None:
     parent, angles = some(seed), some_angles(seed)
     rest, axes = some(seed + 1, 2) if with_rest else (STRAIGHT, STRAIGHT)
     turn = multiply(turned_by(angles, hand, multiply(rest, axes)), conjugate(axes))
@@ -77,7 +79,7 @@ def test_a_rotation_made_of_angles_has_these_angles(seed: int, hand: str, with_r
 
 @given(SEEDS)
 def test_mirrored_movements_have_the_same_angles(seed: int) -> None:
-    """The right hand's bones seen in a mirror anywhere, x distal and z dorsal, as a left hand's."""
+    """A right hand's bones reflected in any plane, with x distal and z dorsal, are a left hand's."""
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=3)
     mirror = np.eye(3) - 2 * np.outer(normal, normal) / (normal @ normal)
@@ -104,7 +106,7 @@ def test_mirrored_movements_have_the_same_angles(seed: int) -> None:
 def test_signs_of_named_postures(
     hand: str, angles: tuple[float, ...], part: str, expected: dict[str, float]
 ) -> None:
-    """Where a part of the bone points at given angles, seen from the parent; and the angles of that bone."""
+    """At the given angles a direction of the bone points as expected in the parent's frame."""
     directions = {"distal": DISTAL, "dorsal": DORSAL, "radial": RADIAL[hand]}
     child = turned_by(angles, hand)
     points_to = sum(much * directions[name] for name, much in expected.items())
@@ -114,9 +116,9 @@ def test_signs_of_named_postures(
 
 
 @SIDES
-def test_a_thumb_at_rest_has_no_angles_and_each_turns_it_in_its_own_direction(hand: str) -> None:
-    """Zero at rest; flexion sweeps along the palm, palmar abduction leaves it, though neither axis is the
-    hand's: the metacarpal faces where its phalanx faces, which is nearly across the hand.
+def test_a_resting_thumb_has_zero_angles_and_moves_in_its_own_planes(hand: str) -> None:
+    """Flexion sweeps along the palm and palmar abduction leaves it, although the metacarpal, which faces as
+    its phalanx does, is turned almost across the hand.
     """
     _, proximal, _ = DIGITS["thumb"].frames()
     x = DIGITS["thumb"].frames()[0, :, 0]
@@ -136,9 +138,9 @@ def test_a_thumb_at_rest_has_no_angles_and_each_turns_it_in_its_own_direction(ha
 
 
 @SIDES
-def test_angles_of_a_simulated_hand_are_those_it_was_bent_by(hand: str) -> None:
-    """As the simulator bent the joints, to what its tilted axes make of them; it counts radial deviation
-    and supination as positive. The skew axes of the thumb's CMC joint are not comparable.
+def test_angles_of_a_simulated_hand_equal_the_simulated_ones(hand: str) -> None:
+    """They agree within the effect of the simulator's tilted axes; its radial deviation and supination are
+    positive. The skew axes of the thumb's CMC joint are not comparable.
     """
     truth = simulate("01", hand, "rom", 3, Realism(), 60).truth
     bones, got = truth.bone_quaternion, {}

@@ -1,4 +1,4 @@
-"""What receivers measured: the rule, and what tables, exports and paper models make of it on four hands."""
+"""Which joints and bones receivers measure, and the effect on the tables of fitted and paper models."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,13 +31,13 @@ def without(poses: Poses, *segments: str, since: int = 0) -> Poses:
     [
         (LITTLE, {"little_cmc", "little_mcp", "little_pip", "little_dip"}),
         (("little_distal",), {"little_dip"}),
-        (("little_middle",), set()),  # the distal receiver's place tells PIP and DIP apart
+        (("little_middle",), set()),  # the distal receiver's position separates PIP and DIP
         (("little_proximal", "little_middle"), set()),
         (("hand",), set()),
         (("ring_middle", "ring_distal"), {"ring_pip", "ring_dip"}),
     ],
 )
-def test_what_lies_between_two_receivers_is_measured(gone: tuple[str, ...], joints: set[str]) -> None:
+def test_joints_between_two_receivers_are_measured(gone: tuple[str, ...], joints: set[str]) -> None:
     worn = {*LAYOUT.expected} - {*gone}
     names = [name for digit in LAYOUT.digits.values() for name in digit.joints]
     assert {name for name in names if not_worn(LAYOUT, name, worn)} == joints
@@ -59,7 +59,7 @@ FINGER = {"joints": ("cmc", "mcp", "pip", "dip"), "bones": ("metacarpal", "proxi
     ("side", "gone", "since"),
     [("right", LITTLE, 0), ("right", ("little_distal",), 0), ("right", LITTLE, 20), ("left", LITTLE, 20)],
 )
-def test_a_fitted_hand_has_no_number_of_what_no_receiver_shows(
+def test_a_fitted_hand_has_no_numbers_for_unmeasured_parts(
     side: str, gone: tuple[str, ...], since: int, tmp_path: Path
 ) -> None:
     joints, bones = (names if gone == LITTLE else names[-1:] for names in FINGER.values())
@@ -81,7 +81,7 @@ def test_a_fitted_hand_has_no_number_of_what_no_receiver_shows(
 
 @pytest.mark.parametrize(("side", "seed"), HANDS)
 @pytest.mark.parametrize("gone", [LITTLE, ("little_distal",)])
-def test_a_joint_that_nobody_wore_a_receiver_for_is_not_worn(
+def test_a_joint_without_worn_receivers_is_reported_as_not_worn(
     side: str, seed: int, gone: tuple[str, ...], tmp_path: Path
 ) -> None:
     poses = without(recorded(side, seed=seed, n_frames=600)[1], *gone)

@@ -1,4 +1,4 @@
-"""Bones posed from a subject's tables: frames are matched by their numbers, what is absent is refused."""
+"""Bones posed from a subject's tables: frames matched by number, and missing tables refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def hand(tmp_path: Path) -> SimulatedHand:
     return simulated_hand(tmp_path, "right", 20)
 
 
-def test_some_frames_are_those_of_the_whole(hand: SimulatedHand) -> None:
+def test_selected_frames_equal_those_of_the_whole_recording(hand: SimulatedHand) -> None:
     rows = np.array([3, 4, 11])
     for model in (REPLAYED, FITTED):
         recording = recording_reader(hand.plan, hand.recording, model)
@@ -28,7 +28,7 @@ def test_some_frames_are_those_of_the_whole(hand: SimulatedHand) -> None:
         assert np.isfinite(whole.quaternion).all(), model
 
 
-def test_a_frame_that_a_table_lacks_is_not_known(hand: SimulatedHand) -> None:
+def test_a_frame_missing_from_a_table_is_a_gap(hand: SimulatedHand) -> None:
     rows = [row for row in hand.rows(FITTED, BONE_POSES) if (row["segment"], row["frame"]) != ("hand", 5)]
     hand.write(FITTED, BONE_POSES, rows)
     bones = recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses())
@@ -43,12 +43,12 @@ def test_a_recording_that_was_not_posed_is_refused(hand: SimulatedHand) -> None:
             reader.bones(hand.poses())
 
 
-def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: SimulatedHand) -> None:
+def test_a_failed_or_missing_table_is_refused_with_the_reason(hand: SimulatedHand) -> None:
     hand.write(REPLAYED, JOINT_CENTRES, "subject 01: no calibration recording")
     with pytest.raises(InputError, match="no calibration recording"):
         recording_reader(hand.plan, hand.recording, REPLAYED).bones(hand.poses())
     assert recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses()).joints, (
-        "the other skeleton is as it was"
+        "the other skeleton is not affected"
     )
     hand.path(REPLAYED, JOINT_CENTRES).unlink()
     with pytest.raises(InputError, match="no such file"):

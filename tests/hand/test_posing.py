@@ -1,4 +1,4 @@
-"""Where bones are, against scipy's rotations and skeletons of which every number was chosen."""
+"""Posing bones, against scipy's rotations on random skeletons."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from shukotsu.tables.poses import Poses
 
 N_FRAMES = 30
 LAYOUT = read_layout("liberty16")
-RIDDEN, FITTED = read_model("paper-fig4"), read_model("whole-hand")
+REPLAYED, FITTED = read_model("paper-fig4"), read_model("whole-hand")
 X, Y, Z = np.eye(3)
 
 
 def random_poses(segments: tuple[str, ...], seed: int = 1) -> Poses:
-    """Receivers anywhere, turned anyhow, each frame by itself."""
+    """Return random poses of receivers, independent in every frame."""
     rng = np.random.default_rng(seed)
     shape = (N_FRAMES, len(segments))
     turn = Rotation.random(N_FRAMES * len(segments), random_state=rng).as_quat(scalar_first=True)
@@ -36,7 +36,7 @@ def xyz(name: str, values: Any) -> dict[str, Any]:
 
 
 def random_skeleton(seed: int = 2) -> Skeleton:
-    """A hand by the paper's Fig. 4 with points anywhere in the receivers' frames."""
+    """Return a skeleton of the paper's Fig. 4 with random points in the receivers' frames."""
     rng = np.random.default_rng(seed)
     joints: dict[str, dict[str, Any]] = {}
     for joint in LAYOUT.solvable:
@@ -59,7 +59,7 @@ def random_skeleton(seed: int = 2) -> Skeleton:
                 row = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
             length_mm = float(np.linalg.norm(vector))
             bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **row}
-    return Skeleton(LAYOUT, RIDDEN, joints, bones)
+    return Skeleton(LAYOUT, REPLAYED, joints, bones)
 
 
 def random_metacarpals(seed: int = 3) -> dict[str, np.ndarray]:
@@ -76,16 +76,18 @@ def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
 
 
 @pytest.fixture
-def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
+def replayed() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
     skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
     return skeleton, poses, metacarpals, receiver_bones(skeleton, poses, metacarpals)
 
 
-def test_joints_ride_on_their_receivers(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+def test_joints_move_rigidly_with_their_receivers(
+    replayed: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
-    """At the child halves; fingers start at the wrist, the thumb at its own joint's parent half."""
-    skeleton, poses, _, bones = ridden
+    """They are at the child's centres q; fingers start at the wrist, the thumb at the CMC joint's centre
+    p.
+    """
+    skeleton, poses, _, bones = replayed
     for index, joint in enumerate(bones.joints):
         segment, point = joint.segment, np.zeros(3)
         if not joint.tip:
@@ -100,9 +102,9 @@ def test_joints_ride_on_their_receivers(
 
 
 def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+    replayed: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
-    skeleton, poses, metacarpals, bones = ridden
+    skeleton, poses, metacarpals, bones = replayed
     for index, joint in enumerate(bones.joints):
         if joint.tip or not joint.digit:
             continue
@@ -134,15 +136,17 @@ def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
     assert bones.left_out == {"ring": "ring_dip failed: too few frames (3)"}
     assert len(bones.joints) == 20
     assert bones.joints[bones.index("little_pip")].parent == bones.index("little_mcp")
-    points = digit_points(LAYOUT.digits["ring"], LAYOUT, RIDDEN, skeleton.joints)
+    points = digit_points(LAYOUT.digits["ring"], LAYOUT, REPLAYED, skeleton.joints)
     assert [point.name for point in points] == ["wrist", "ring_mcp", "ring_pip", "ring_dip", "ring_tip"]
     assert [bool(point.segment) for point in points] == [True, True, True, False, True], (
-        "the others are known"
+        "the other points are known"
     )
 
 
 def fitted_motion(amplitude_deg: float) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Bones anywhere; those of the middle finger turn about an axis of their own, the rest stand still."""
+    """Return random bone poses and tips: the middle finger's bones turn about fixed axes, the others do not
+    move.
+    """
     rng = np.random.default_rng(5)
     swing = np.radians(amplitude_deg) / 2 * np.sin(np.linspace(0, 9, N_FRAMES))
     poses: dict[str, np.ndarray] = {}
@@ -156,7 +160,7 @@ def fitted_motion(amplitude_deg: float) -> tuple[dict[str, np.ndarray], dict[str
     return poses, tips
 
 
-def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
+def test_a_fitted_hand_is_posed_as_in_its_tables() -> None:
     skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(40)
     bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), *motion)
     for index, joint in enumerate(bones.joints):
@@ -170,7 +174,7 @@ def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
     assert not bones.left_out
 
 
-def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
+def test_a_fitted_hinges_axis_is_that_of_its_motion() -> None:
     skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses(LAYOUT.measured)
     motion = fitted_motion(40)
     bones = fitted_bones(skeleton, poses, *motion)

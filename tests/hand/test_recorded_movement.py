@@ -1,4 +1,4 @@
-"""Angles of a recording as they run on beyond half a turn, their range, and how many are independent."""
+"""Unwrapping a recording's angles, their ranges, and the number of effective samples."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ TIME_S = np.arange(2400) / 240
 
 
 def wrapped(angle_deg: np.ndarray) -> np.ndarray:
-    """Angles as a table has them, within (-180, 180]."""
+    """Return angles wrapped to (-180, 180], as in the tables."""
     return 180.0 - np.mod(180.0 - angle_deg, 360.0)
 
 
 @pytest.mark.parametrize("middle_deg", [170.0, -175.0, 180.0, 60.0])
-def test_an_angle_that_passes_half_a_turn_runs_on(middle_deg: float) -> None:
+def test_an_angle_beyond_half_a_turn_is_unwrapped(middle_deg: float) -> None:
     true_deg = middle_deg + 40.0 * np.sin(2 * np.pi * TIME_S) + 0.3
     unwrapped = running_on(np.column_stack([wrapped(true_deg), 30.0 * np.cos(TIME_S)]))
     turns = (unwrapped[:, 0] - true_deg) / 360.0
@@ -24,7 +24,7 @@ def test_an_angle_that_passes_half_a_turn_runs_on(middle_deg: float) -> None:
     assert unwrapped[:, 1] == pytest.approx(30.0 * np.cos(TIME_S))
 
 
-def test_gaps_stay_and_say_nothing_of_turns() -> None:
+def test_gaps_stay_and_do_not_add_turns() -> None:
     true_deg = 175.0 + 30.0 * np.sin(2 * np.pi * TIME_S)
     gapped = wrapped(true_deg)
     gapped[100:900] = np.nan
@@ -34,27 +34,27 @@ def test_gaps_stay_and_say_nothing_of_turns() -> None:
     assert np.nanmax(unwrapped[:, 0]) - np.nanmin(unwrapped[:, 0]) == pytest.approx(60.0, abs=0.1)
 
 
-def test_a_wide_range_that_does_not_pass_half_a_turn_is_as_it_was() -> None:
+def test_angles_within_half_a_turn_are_unchanged() -> None:
     angle_deg = np.linspace(-110.0, 120.0, 500)[:, None]
     assert running_on(angle_deg) is angle_deg
     assert running_on(np.empty((0, 3))).shape == (0, 3)
 
 
-def test_one_bad_frame_in_forty_changes_nothing() -> None:
+def test_few_bad_frames_do_not_change_the_range() -> None:
     angle = np.linspace(0.0, 100.0, 1001)
     assert angle_range(angle) == pytest.approx(95.0)
     assert angle_range(np.append(angle, [500.0] * 10)) == pytest.approx(95.0, abs=1.0)
 
 
-def test_a_joint_that_rests_most_of_the_time_keeps_its_range_where_postures_count() -> None:
+def test_weighting_postures_keeps_the_range_of_a_mostly_resting_joint() -> None:
     angle = np.concatenate([np.zeros(9000), np.linspace(0.0, 1.0, 1000)])
     assert angle_range(angle) < 0.8
     assert angle_range(angle, flattening(angle)) == pytest.approx(0.95, abs=0.03)
 
 
 @pytest.mark.parametrize("waves", [0.5, 1.5, 20.0])
-def test_effective_samples_are_those_of_the_sum_written_out(waves: float) -> None:
-    """Slow and quick series, whose autocovariance crosses zero late and early."""
+def test_effective_samples_equal_the_sum_of_autocovariances(waves: float) -> None:
+    """The series are slow or fast, so that their autocovariance crosses zero late or early."""
     rng = np.random.default_rng(2)
     series = np.cos(np.linspace(0, 2 * np.pi * waves, 401))[:, None] + 0.1 * rng.normal(size=(401, 2))
     centred = series - series.mean(0)

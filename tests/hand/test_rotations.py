@@ -1,4 +1,4 @@
-"""Rotations against scipy's, which knows nothing of ours."""
+"""Rotations against scipy's."""
 
 import numpy as np
 import pytest
@@ -49,8 +49,8 @@ def test_product_rotates_second_first(first: int, second: int) -> None:
 
 
 @given(SEEDS, arrays(float, 20, elements=st.floats(-3.1, 3.1)))
-def test_about_axis_turns_by_the_right_hand(seed: int, angle: np.ndarray) -> None:
-    """about_axis is scipy's rotation vector, and its angle comes back."""
+def test_about_axis_turns_by_the_right_hand_rule(seed: int, angle: np.ndarray) -> None:
+    """The result equals scipy's for the rotation vector, and has the same angle."""
     axis = rotations.unit(np.random.default_rng(seed).normal(size=(20, 3)))
     q = rotations.about_axis(axis, angle)
     np.testing.assert_allclose(
@@ -61,7 +61,9 @@ def test_about_axis_turns_by_the_right_hand(seed: int, angle: np.ndarray) -> Non
 
 @given(SEEDS)
 def test_nearest_rotation_undoes_a_small_stretch(seed: int) -> None:
-    """A rotation times a symmetric stretch is nearest to that rotation; mirrors are never returned."""
+    """The nearest rotation to a rotation times a symmetric stretch is that rotation; it is never a
+    reflection.
+    """
     turn = some(seed).as_matrix()
     stretch = np.eye(3) + 0.1 * np.diag(np.random.default_rng(seed).uniform(-1, 1, 3))
     np.testing.assert_allclose(rotations.nearest_rotation(turn @ stretch), turn, atol=1e-12)
@@ -76,8 +78,8 @@ def test_bone_frame_is_x_distal_z_dorsal() -> None:
 
 
 @given(SEEDS)
-def test_rotations_to_both_sides_of_one_have_it_as_their_mean(seed: int) -> None:
-    """Turns to both sides of a rotation, half of them with the other sign, have it as their mean."""
+def test_the_mean_of_symmetric_rotations_is_their_centre(seed: int) -> None:
+    """Opposite turns from a rotation, with random signs of the quaternions, have it as their mean."""
     rng = np.random.default_rng(seed)
     middle = quaternions(some(seed, 1))[0]
     small = rng.normal(size=(30, 3)) * 0.1
@@ -90,6 +92,6 @@ def test_rotations_to_both_sides_of_one_have_it_as_their_mean(seed: int) -> None
 
 
 @pytest.mark.parametrize("quaternions", [np.zeros((2, 3)), np.zeros(4, int)])
-def test_an_array_of_another_shape_or_kind_than_annotated_is_refused(quaternions: np.ndarray) -> None:
+def test_arrays_of_the_wrong_shape_or_type_fail_in_tests(quaternions: np.ndarray) -> None:
     with pytest.raises(TypeCheckError, match="quaternion"):
         rotations.matrix(quaternions)

@@ -1,4 +1,4 @@
-"""The facing of a thumb metacarpal's receiver, from poses of receivers that sit as people stick them on."""
+"""Detecting whether a thumb metacarpal's receiver faces the nail or the back of the hand."""
 
 import numpy as np
 import pytest
@@ -20,8 +20,8 @@ def some(rng: np.random.Generator, n_frames: int, most_rad: float) -> Array:
 
 
 def seen(seed: int, facing: Array) -> tuple[Array, Array]:
-    """Metacarpal's and phalanx's receivers (30, 4) on a right hand anywhere: the MCP joint does what it can,
-    both receivers sit up to 12 deg off.
+    """Return quaternions (30, 4) of the metacarpal's and phalanx's receivers on a right hand: random postures
+    of the MCP joint, with both receivers mounted up to 12 deg off.
     """
     rng = np.random.default_rng(seed)
     angles_deg = rng.uniform([-30.0, -25.0, -12.0], [80.0, 25.0, 12.0], (30, 3))
@@ -38,8 +38,8 @@ def decided(metacarpal: Array, phalanx: Array, at_nail: Array = AT_NAIL, at_hand
 
 
 @given(SEEDS, st.booleans())
-def test_the_facing_of_receivers_stuck_on_by_eye(seed: int, nail: bool) -> None:
-    """Whatever the sign of a quaternion, wherever the transmitter; and of the mirror image."""
+def test_the_facing_is_found_with_roughly_mounted_receivers(seed: int, nail: bool) -> None:
+    """The sign of quaternions, the transmitter's orientation and mirroring make no difference."""
     metacarpal, phalanx = seen(seed, AT_NAIL if nail else AT_HAND)
     elsewhere = some(np.random.default_rng(seed), 1, np.pi)
     assert decided(metacarpal, phalanx) == nail
@@ -52,15 +52,15 @@ def test_the_facing_of_receivers_stuck_on_by_eye(seed: int, nail: bool) -> None:
     ("twist_deg", "nail"),
     [(0, True), (-45, True), (-60, False), (-100, False), (-179, False), (179, False), (60, True)],
 )
-def test_the_nearer_facing_is_taken_around_the_bone(twist_deg: float, nail: bool) -> None:
-    """0 or -100 deg: the border lies half way between them, at -50 deg and, the other way round, at 130."""
+def test_the_nearer_facing_about_the_bone_is_chosen(twist_deg: float, nail: bool) -> None:
+    """The facings are at 0 and -100 deg; the limits between them are at -50 and 130 deg."""
     about_x = [about_axis(np.array([1.0, 0.0, 0.0]), np.radians(a)) for a in (twist_deg, 0.0, -100.0)]
     relative, at_nail, at_hand = matrix(np.stack(about_x))
     assert faces_nail(relative[None], at_nail, at_hand) == nail
 
 
 @given(SEEDS)
-def test_wrong_readings_do_not_count_while_they_are_the_fewer(seed: int) -> None:
+def test_a_minority_of_wrong_readings_is_ignored(seed: int) -> None:
     metacarpal, phalanx = seen(seed, AT_NAIL)
     phalanx[:10] = some(np.random.default_rng(seed), 10, np.pi)
     assert decided(metacarpal, phalanx)

@@ -1,4 +1,4 @@
-"""Ranges of known motion, and whether the error that is stated holds what is off."""
+"""Ranges of known motions, and the coverage of their stated errors."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ from shukotsu.movement.sampling import percentiles
 
 
 def swing(amplitude_deg: float, n_frames: int = 2000) -> Array:
-    """Never twice the same angle."""
+    """Return a sinusoid (T,) in deg that never repeats a value exactly."""
     return 30 + amplitude_deg * np.sin(0.1 * np.sqrt(2) * np.arange(n_frames))
 
 
 def errors(sd_deg: float | Array = 0.0, change_deg: float | Array = 0.0, anew: float = 0.0) -> AngleErrors:
-    """Errors of 2000 frames; anew : share of both that is another in every session."""
+    """Return the errors of 2000 frames; anew : share of both that differs between sessions."""
     sd, change = (np.broadcast_to(np.asarray(values_deg, float), 2000) for values_deg in (sd_deg, change_deg))
     return AngleErrors(sd, change, anew * sd, anew * change)
 
@@ -37,7 +37,7 @@ def test_the_range_of_a_sinusoid_is_exact() -> None:
     assert [measured[name] for name in names] == [0.0] * 3
 
 
-def test_one_spike_makes_the_full_range_alone() -> None:
+def test_one_spike_changes_only_the_full_range() -> None:
     angle = swing(20.0)
     angle[77] = 170.0
     measured = angle_range(angle, errors())
@@ -48,8 +48,10 @@ def test_one_spike_makes_the_full_range_alone() -> None:
 @pytest.mark.parametrize(
     ("amplitude_deg", "share", "frame_deg"), [(25.0, 0.04, 0.0), (25.0, 0.03, 0.5), (0.5, 0.04, 0.5)]
 )
-def test_the_error_stated_holds_the_truth(amplitude_deg: float, share: float, frame_deg: float) -> None:
-    """Errors common to all frames, in proportion to the distance from the mean, and of the frame alone."""
+def test_the_stated_error_covers_the_truth(amplitude_deg: float, share: float, frame_deg: float) -> None:
+    """Simulated errors are common to all frames, proportional to the deviation from the mean, and per
+    frame.
+    """
     rng, true = np.random.default_rng(5), swing(amplitude_deg)
     apart = true - true.mean()
     truth = angle_range(true, errors())["range_deg"]
@@ -64,8 +66,8 @@ def test_the_error_stated_holds_the_truth(amplitude_deg: float, share: float, fr
     assert np.mean(stated) < 0.12 * amplitude_deg + 4 * frame_deg
 
 
-def test_sessions_differ_by_what_is_put_on_anew_and_by_the_frames_of_each_visit() -> None:
-    """What sessions share is the larger part; the frame's own wanders slowly, so a visit is one draw."""
+def test_the_session_error_covers_differences_between_sessions() -> None:
+    """The sessions share most of the error; the error per frame varies slowly, constant within each visit."""
     rng, true = np.random.default_rng(6), swing(25.0)
     apart, n_visits = true - true.mean(), round(2000 * 0.1 * np.sqrt(2) / (2 * np.pi))
     change_sd = np.hypot(0.04 * apart, 0.5)

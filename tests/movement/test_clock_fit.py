@@ -1,4 +1,4 @@
-"""Clocks brought together by their pulses: offset, drift and the error that is stated of both."""
+"""Aligning two clocks by common pulses: offset, drift and their stated errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shukotsu.movement.recording_events import WAS_SET, ClockFit, fit_clock
 
 @dataclass(frozen=True)
 class Pulses:
-    """Pulses as both clocks have seen them, and when those of the other clock truly were."""
+    """Pulses as recorded by both clocks, and their true times on both."""
 
     reference_s: Array
     seen_s: Array
@@ -21,13 +21,13 @@ class Pulses:
     other_s: Array
 
     def fit(self) -> ClockFit:
-        """The line, which there is."""
+        """Return the fit, which must succeed."""
         fit = fit_clock(self.reference_s, self.seen_s)
         assert isinstance(fit, ClockFit), fit
         return fit
 
     def errors_s(self) -> tuple[Array, Array]:
-        """Error of the mapped times of all pulses, and the 1-sigma that is stated of it."""
+        """Return the errors of all mapped pulse times and their stated sds, in s."""
         line = self.fit().line
         return line(self.other_s) - self.true_s, line.sd_s(self.other_s)
 
@@ -41,7 +41,7 @@ def simulated(
     step_s: float = 0.0,
     period_s: float = 0.0,
 ) -> Pulses:
-    """Pulses of a second on average, at random or with a period, some lost and added on either clock."""
+    """Return pulses about 1 s apart, random or periodic, with some lost and some added on both clocks."""
     g = np.random.default_rng(seed)
     n = int(seconds)
     true_s = np.cumsum(np.full(n, period_s) if period_s else 0.2 + g.exponential(0.8, n))
@@ -50,21 +50,23 @@ def simulated(
     keep, keep_other = g.random((2, n)) >= lost
     added = [g.uniform(clock[0], clock[-1], n // 100) for clock in (true_s, other_s)]
     seen_s = (other_s + g.normal(0, jitter_s, n))[keep_other]
-    if step_s >= 0:  # else they stand as they were written
+    if step_s >= 0:  # a clock set back is left in the order of writing
         seen_s = np.sort(np.append(seen_s, added[1]))
     return Pulses(np.sort(np.append(true_s[keep], added[0])), seen_s, true_s, other_s)
 
 
-def test_an_hour_of_pulses_is_mapped_within_its_stated_error() -> None:
-    """50 ppm, 10 ms of jitter, lost and added pulses: at most 2 ms off, and the stated error holds that."""
+def test_an_hour_of_pulses_is_mapped_to_2_ms_as_stated() -> None:
+    """With 50 ppm, 10 ms of jitter, lost and added pulses, errors are below 2 ms and within the stated
+    ones.
+    """
     errors, sds = zip(*(simulated(seed).errors_s() for seed in range(4)), strict=True)
     assert max(np.abs(error).max() for error in errors) < 0.002
     assert np.mean(np.abs(np.concatenate(errors)) < 1.96 * np.concatenate(sds)) > 0.9
 
 
 @pytest.mark.parametrize(("seconds", "jitter_s"), [(20, 0.01), (600, 0.001), (600, 0.0)])
-def test_the_stated_error_holds_also_of_shorter_recordings(seconds: float, jitter_s: float) -> None:
-    """With drifts to 500 ppm, which are not known beforehand. Without jitter nothing is off."""
+def test_the_stated_error_covers_shorter_recordings(seconds: float, jitter_s: float) -> None:
+    """Drifts are unknown, up to 500 ppm. Without jitter the times are exact."""
     held, worst = [], 0.0
     for seed in range(12):
         ppm = float(np.random.default_rng(seed).uniform(-500, 500))
@@ -83,14 +85,14 @@ def test_a_clock_that_was_set_is_refused(step_s: float, seconds: float) -> None:
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.3])
-def test_a_metronome_is_weak_and_its_error_holds_the_beats(lost: float) -> None:
+def test_periodic_pulses_are_weak_with_an_error_of_a_period(lost: float) -> None:
     for seed in range(3):
         fit = simulated(seed, 100, jitter_s=0.003, lost=lost, period_s=0.7).fit()
         assert "pulse at irregular intervals" in fit.message
         assert fit.clock_sd_s > 0.69
 
 
-def test_a_single_event_gives_the_offset_alone() -> None:
+def test_a_single_pulse_gives_only_the_offset() -> None:
     fit = fit_clock(np.array([12.5]), np.array([1002.0]))
     assert isinstance(fit, ClockFit)
     mapped_s, sd_s = fit.mapped(np.array([1002.0, 1062.0]))
@@ -101,7 +103,7 @@ def test_a_single_event_gives_the_offset_alone() -> None:
 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 200])
-def test_pulses_that_are_not_the_same_are_never_called_ok(n: int) -> None:
+def test_unrelated_pulses_are_never_called_ok(n: int) -> None:
     for seed in range(8):
         reference_s, other_s = np.cumsum(0.2 + np.random.default_rng(seed).exponential(1, (2, n)), -1)
         fit = fit_clock(reference_s, other_s)
@@ -116,7 +118,7 @@ def test_pulses_that_are_not_the_same_are_never_called_ok(n: int) -> None:
         ([1.0, 2.5], [7.0, 9.5], "the 2 pulses of the file fit the 2 of the recording nowhere"),
     ],
 )
-def test_what_fits_nowhere_is_said(reference_s: list[float], other_s: list[float], message: str) -> None:
+def test_unmatched_pulses_are_refused(reference_s: list[float], other_s: list[float], message: str) -> None:
     refusal = fit_clock(np.array(reference_s), np.array(other_s))
     assert isinstance(refusal, str)
     assert message in refusal

@@ -1,4 +1,4 @@
-"""Angles averaged over cycles: known courses come back, and what was not measured is not counted."""
+"""Averaging angles over cycles: known curves, gaps and missing cycles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TIME_S = 5.0 + STEP_S * np.arange(960)
 
 
 def course(share: Array) -> Array:
-    """Angle in degrees at a share of the cycle."""
+    """Return the angle in deg at a share of the cycle."""
     return np.asarray(30.0 + 20.0 * np.sin(2 * np.pi * share))
 
 
@@ -34,7 +34,7 @@ def column(rows: list[dict[str, Any]], name: str) -> list[float]:
     return [row[name] for row in rows]
 
 
-def test_a_sine_over_its_own_cycles_comes_back_without_spread() -> None:
+def test_a_sine_over_its_cycles_has_its_curve_and_no_spread() -> None:
     cycles = cut_cycles("tap", TIME_S[::96].tolist(), [np.nan] * 10)
     rows = rows_of_cycles(TIME_S, course((TIME_S - 5.0) / (96 * STEP_S)), cycles)
     assert column(rows, "cycle_percent") == PERCENT.tolist() == list(range(101))
@@ -43,8 +43,8 @@ def test_a_sine_over_its_own_cycles_comes_back_without_spread() -> None:
     np.testing.assert_allclose(column(rows, "sd_deg"), 0.0, atol=1e-9)
 
 
-def test_cycles_of_any_length_are_laid_over_each_other() -> None:
-    """Against NumPy's interpolation, mean and standard deviation, cycle by cycle; a refused one is not in."""
+def test_cycles_of_different_lengths_are_normalised_and_averaged() -> None:
+    """The result equals NumPy's interpolation, mean and standard deviation over the cycles not refused."""
     onset_s = np.array([5.013, 5.4, 5.951, 6.3, 6.8001, 6.85])
     cycles = cut_cycles("tap", onset_s.tolist(), [np.nan] * 6)
     assert [bool(cycle.refusal) for cycle in cycles] == [False] * 4 + [True]
@@ -57,8 +57,8 @@ def test_cycles_of_any_length_are_laid_over_each_other() -> None:
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_a_cycle_counts_only_where_it_is_measured(lost: bool) -> None:
-    """Lost : frames that are not there, rather than frames without an angle."""
+def test_a_cycle_is_averaged_only_where_it_was_measured(lost: bool) -> None:
+    """The gap has no frames (lost) or frames without an angle."""
     cycles = cut_cycles("tap", TIME_S[::96].tolist(), [np.nan] * 10)
     angle, gap = course((TIME_S - 5.0) / (96 * STEP_S)), np.arange(960) // 12 == 11  # 37.5 to 50 % of the 2nd
     time_s = TIME_S[~gap] if lost else TIME_S

@@ -1,4 +1,4 @@
-"""Files of events, made here byte by byte: MIDI as mido reads it, marker streams of XDF 1.0, raw captures."""
+"""Reading files of events, written here byte by byte: MIDI, XDF 1.0 marker streams and raw captures."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def read_mid(tmp_path: Path, data: bytes) -> Events:
     return read_midi(tmp_path / "a.mid")
 
 
-def test_a_tempo_of_one_track_holds_for_all(tmp_path: Path) -> None:
-    """96 ticks a quarter: one quarter at 0.5 s, two at 0.25 s, the rest at 1 s."""
+def test_a_tempo_in_one_track_applies_to_all(tmp_path: Path) -> None:
+    """At 96 ticks per quarter note, one quarter lasts 0.5 s, two last 0.25 s, the others 1 s."""
     first = b"\x60" + tempo(250_000) + b"\x81\x40" + tempo(1_000_000) + END
     second = b"\x30\x92\x18\x01\x30\x82\x18\x00\x81\x70\x92\x18\x7f\x30\x82\x18\x40" + END
     events = read_mid(tmp_path, midi(first, second, division=96))
@@ -57,7 +57,7 @@ WHOLE = midi(b"\x00" + tempo(400_000) + END, b"\x00\x90\x3c\x40\x60\x80\x3c\x00"
         (midi(END, division=0xE728), "expected format 0 or 1 and ticks of a quarter note, not time code"),
     ],
 )
-def test_other_midi_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
+def test_unsupported_midi_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_mid(tmp_path, data)
 
@@ -70,8 +70,8 @@ def read_xdf(tmp_path: Path, data: bytes) -> Events:
 OFFSETS = [(100.0, -3.0), (110.0, -3.0), (120.0, -3.0)]
 
 
-def test_texts_and_numbers_on_one_clock(tmp_path: Path) -> None:
-    """Each stream's clock offsets bring it to the recorder's clock; a text is a name, a number a value."""
+def test_marker_streams_are_merged_on_one_clock(tmp_path: Path) -> None:
+    """Each stream's clock offsets are applied; texts become names, numbers values."""
     words = marker_stream(1, "cues", ["go", "Stöp"], [101.0, 103.5], OFFSETS)
     codes = marker_stream(2, "trigger", [7, -1], [99.0, 99.5], [(t, o + 3) for t, o in OFFSETS])
     events = read_xdf(tmp_path, xdf_of(words, codes))
@@ -81,7 +81,7 @@ def test_texts_and_numbers_on_one_clock(tmp_path: Path) -> None:
     assert (events.own_clock, events.notes) == (True, ())
 
 
-def test_a_file_that_is_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
+def test_a_truncated_file_gives_its_complete_markers(tmp_path: Path) -> None:
     data = xdf_of(marker_stream(1, "cues", ["go", "wait", "stop"], [1.0, 2.0, 3.0]))
     events = read_xdf(tmp_path, data[: data.index(b"stop") + 2])
     assert events.names == ("go", "wait")
@@ -107,7 +107,7 @@ def test_a_file_that_is_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_other_xdf_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
+def test_unsupported_xdf_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_xdf(tmp_path, data)
 
@@ -128,8 +128,8 @@ def records(
     return read_tracker_events(flags_of(tmp_path / "records.arrows", rows))
 
 
-def test_sync_rises_between_two_frames(tmp_path: Path) -> None:
-    """Once for the tracker, though every station says it; a button is its station's."""
+def test_sync_and_buttons_become_events_between_two_frames(tmp_path: Path) -> None:
+    """Sync is one event, although every station reports it; a button's event has its station as value."""
     events = records(tmp_path, [0, 0, 1, 1, 0, 0, 0, 1, 0, 0], {2: [0, 0, 0, 1, 1, 1, 0, 0, 0, 0]})
     assert events.names == ("sync", "button", "sync")
     np.testing.assert_allclose(events.time_s * RATE_HZ, [1.5, 2.5, 6.5])
@@ -139,7 +139,7 @@ def test_sync_rises_between_two_frames(tmp_path: Path) -> None:
     assert not events.own_clock
 
 
-def test_lost_frames_leave_the_time_less_sure(tmp_path: Path) -> None:
+def test_lost_frames_increase_the_time_error(tmp_path: Path) -> None:
     events = records(tmp_path, [0, 0, 0, 0, 1, 1, 1, 1, 1, 1], {}, lost=(2, 3))
     np.testing.assert_allclose(events.time_s * RATE_HZ, [2.5])
     np.testing.assert_allclose(events.sd_s * RATE_HZ, [3 / np.sqrt(12)])

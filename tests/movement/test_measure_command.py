@@ -1,4 +1,4 @@
-"""The stage that measures movement: somebody plays, and what is measured is what was played."""
+"""The measure_movement stage, on a simulated subject who plays keys: results equal what was simulated."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ Row = dict[str, Any]
 
 @dataclass
 class Measured:
-    """A subject whose right hand played, and the tables of it; the left hand's fit has failed."""
+    """A subject with a playing right hand and a failed fit of the left hand, and the stage's tables."""
 
     subject: PlannedSubject
     played: Played
     out: Path
 
     def rows(self, table: str, **wanted: Any) -> list[Row]:
-        """Rows of a table that have those values."""
+        """Return the rows of a table with the wanted values."""
         rows = rows_of(read_table(self.out / f"{table}.parquet", TABLES[table]))
         return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
 
     @cached_property
     def strokes(self) -> list[Row]:
-        """The right hand's strokes as the fitted model has them, in order."""
+        """The right hand's strokes under the fitted model, in order of events."""
         return sorted(self.rows("event_strokes", model="quick"), key=lambda row: row["event"])
 
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
-    """Both hands, calibrated on rom; the clock of the left hand's events is weak."""
+    """Both hands calibrated on rom, with a weak clock of the left hand's events."""
     folder = tmp_path_factory.mktemp("movement")
     recordings = [
         (hand, task, role)
@@ -117,8 +117,8 @@ def event(hand: str, number: int, name: str, onset_s: float, duration_s: float |
     return keys | times | {"name": name, "source": "midi", "message": ""}
 
 
-def test_a_calibration_recording_is_measured_like_any_other(measured: Measured) -> None:
-    """Under every model: ranges and speeds of joints, ways of fingertips, cycles of its events."""
+def test_a_calibration_recording_is_measured_too(measured: Measured) -> None:
+    """It has ranges and speeds of joints, fingertip paths and cycles, under every model."""
     truth = recorded("right", "rom", seed=SEED, n_frames=N_FRAMES)[0].truth
     rows = measured.rows("ranges_of_motion", task="rom", angle="flexion")
     assert {(row["hand"], row["model"]) for row in rows if row["range_deg"] is not None} == {
@@ -138,7 +138,7 @@ def test_a_calibration_recording_is_measured_like_any_other(measured: Measured) 
 
 
 def digits_joints() -> list[tuple[str, str, str]]:
-    """Joints of the digits, each with the segments above and below it."""
+    """Return the digits' joints, each with the segments above and below it."""
     return [
         (joint, parent, child)
         for digit in LAYOUT.digits.values()
@@ -148,8 +148,10 @@ def digits_joints() -> list[tuple[str, str, str]]:
     ]
 
 
-def test_angles_follow_from_bones_and_the_zero_in_joint_centres(measured: Measured) -> None:
-    """As docs/movement.md says, of the bones of another table."""
+def test_angles_follow_from_bone_poses_and_the_zero_posture(measured: Measured) -> None:
+    """Angles computed from bone_poses and joint_centres as in docs/movement.md equal those of
+    joint_angles.
+    """
     subject, part = measured.subject, measured.subject.part("quick")
 
     def table(path: Path) -> pd.DataFrame:
@@ -176,8 +178,8 @@ def test_angles_follow_from_bones_and_the_zero_in_joint_centres(measured: Measur
             np.testing.assert_allclose(angles_deg, stated[joint], atol=1e-4, err_msg=joint)
 
 
-def test_what_a_model_without_stated_errors_says_is_weak(measured: Measured) -> None:
-    """And where it cannot tell a metacarpal's motion, it says so."""
+def test_results_of_a_model_without_stated_errors_are_weak(measured: Measured) -> None:
+    """For joints at metacarpals that the model keeps still, the message states this."""
     rows = measured.rows("ranges_of_motion", model="rigid", task=TASK)
     rows = [row for row in rows if row["range_deg"] is not None]
     assert {(row["status"], row["hand"]) for row in rows} == {("weak", "right"), ("weak", "left")}
@@ -191,7 +193,7 @@ def test_what_a_model_without_stated_errors_says_is_weak(measured: Measured) -> 
 
 
 def true_angles_deg() -> dict[str, Array]:
-    """Angles (T, 3) of the right fingers' joints, from the bones of the simulation."""
+    """Return the angles (T, 3) of the right fingers' joints from the simulated bones."""
     turns = recorded("right", TASK, seed=SEED, n_frames=N_FRAMES)[0].truth.bone_quaternion
     angles_deg = {}
     for joint, parent, child in digits_joints():
@@ -202,7 +204,7 @@ def true_angles_deg() -> dict[str, Array]:
     return angles_deg
 
 
-def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(measured: Measured) -> None:
+def test_range_errors_of_a_fitted_hand_agree_with_the_stated_ones(measured: Measured) -> None:
     rows = {
         (row["joint"], row["angle"]): row
         for row in measured.rows("ranges_of_motion", task=TASK, model="quick", hand="right")
@@ -224,15 +226,15 @@ def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(measured: Measured) ->
     assert np.median(speed_ratio) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_model_that_failed_has_no_numbers_and_the_others_have(measured: Measured) -> None:
+def test_only_a_failed_model_has_no_numbers(measured: Measured) -> None:
     rows = measured.rows("ranges_of_motion", hand="left", model="quick")
-    assert len(rows) == 2 * 15, "every joint that is solved, in both recordings"
+    assert len(rows) == 2 * 15, "every solved joint, in both recordings"
     assert {(row["range_deg"], row["status"], row["message"]) for row in rows} == {(None, "failed", UNFITTED)}
     assert not measured.rows("fingertip_paths", hand="left", model="quick")
     assert measured.rows("fingertip_paths", hand="left", model="rigid")
 
 
-def test_cycles_are_cut_and_refused(measured: Measured) -> None:
+def test_cycles_are_cut_by_events_and_short_ones_refused(measured: Measured) -> None:
     cycles = measured.rows("movement_cycles", hand="right", task=TASK)
     taps = [row for row in cycles if row["event"] == "tap"]
     assert [row["used"] for row in taps] == [True, True, True, False, True]
@@ -240,8 +242,8 @@ def test_cycles_are_cut_and_refused(measured: Measured) -> None:
     assert [row["duration_s"] for row in cycles if row["event"] == "hold"] == [0.8, 0.8]
 
 
-def test_curves_are_the_angles_over_the_cycles_that_are_used(measured: Measured) -> None:
-    """Of models that fit the hand, and the leading one; by NumPy from the tables of angles and cycles."""
+def test_cycle_curves_average_the_angles_over_the_used_cycles(measured: Measured) -> None:
+    """There are curves of whole-hand models only; they equal NumPy's from the tables of angles and cycles."""
     rows = pd.DataFrame(measured.rows("cycle_curves", task=TASK))
     assert set(zip(rows["hand"], rows["model"], strict=True)) == {("right", "quick")}, "left: a weak clock"
     assert set(rows["event"]) == {"tap", "hold", "lamp"}
@@ -266,16 +268,16 @@ def test_curves_are_the_angles_over_the_cycles_that_are_used(measured: Measured)
     np.testing.assert_allclose(curve["sd_deg"], np.std(courses, axis=0, ddof=1), atol=1e-6)
 
 
-def test_events_on_a_weak_clock_cut_nothing_and_are_no_strokes(measured: Measured) -> None:
+def test_events_on_a_weak_clock_are_not_used(measured: Measured) -> None:
     cycles = measured.rows("movement_cycles", hand="left")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
     (stroke,) = measured.rows("event_strokes", hand="left")
     assert (stroke["used"], stroke["message"]) == (False, "its clock is not sure: its clock is weak")
 
 
-def test_strokes_are_those_that_were_played(measured: Measured) -> None:
+def test_strokes_match_those_played(measured: Measured) -> None:
     rows, played = measured.strokes, measured.played.strokes
-    assert [row["event"] for row in rows] == list(range(len(played))), "a lamp is no stroke"
+    assert [row["event"] for row in rows] == list(range(len(played))), "a lamp is not a stroke"
     pairs = [pair for pair in zip(rows, played, strict=True) if pair[0]["event"] != 5]
     used = [(row, stroke) for row, stroke in pairs if row["used"]]
     assert len(used) > 0.9 * len(pairs)
@@ -288,13 +290,13 @@ def test_strokes_are_those_that_were_played(measured: Measured) -> None:
     assert all(row["peak_speed_before_mm_s"] >= row["contact_speed_mm_s"] for row, _ in used)
     for model in ("rigid", "quick"):
         row = measured.rows("event_strokes", model=model, hand="right")[3]
-        assert (row["contact_speed_sd_mm_s"] is None) == (model == "rigid"), "fitted hands alone state errors"
+        assert (row["contact_speed_sd_mm_s"] is None) == (model == "rigid"), "only fitted hands state errors"
 
 
-def test_a_digit_that_an_event_names_is_believed_and_what_is_not_sure_is_not_used(measured: Measured) -> None:
+def test_named_digits_are_used_and_uncertain_strokes_are_not(measured: Measured) -> None:
     named, late, other = measured.strokes[3:6]
     assert (named["digit"], named["used"]) == (measured.played.strokes[3].digit, True)
     assert (late["used"], late["digit"]) == (False, "")
     assert late["message"] == "its onset is known to 30 ms, more than 10"
-    assert (other["used"], other["digit"]) == (False, ""), "nothing went down then"
+    assert (other["used"], other["digit"]) == (False, ""), "no digit moved down then"
     assert other["message"].startswith("no digit of this hand went down")

@@ -1,4 +1,4 @@
-"""Events of one recording from every source, on its clock; cycles cut by them; the stage that aligns them."""
+"""Aligning events of all sources to a recording's clock, cutting cycles, and the stage align_events."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from shukotsu.tables.typed_table import read_table, rows_of
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
-"""Pulses, on the recording's clock."""
+"""Times of the pulses on the recording's clock."""
 
 
 def sheet(*onsets_s: float, name: str = "sync") -> list[dict[str, Any]]:
@@ -31,14 +31,14 @@ def names(rows: list[dict[str, Any]]) -> list[tuple[str, float]]:
     return [(row["name"], row["onset_s"]) for row in rows]
 
 
-def test_a_sheet_alone_has_no_clock_of_its_own(tmp_path: Path) -> None:
+def test_events_of_the_sheet_need_no_clock(tmp_path: Path) -> None:
     events, clocks = RecordingEvents(poses_of(tmp_path), rows=sheet(2.0, 1.0)).aligned()
     assert names(events) == [("sync", 1.0), ("sync", 2.0)]
     assert clocks == []
 
 
 def check_midi(recording: RecordingEvents, tolerance_s: float) -> dict[str, Any]:
-    """The notes stand where they were played; gives the row of clocks."""
+    """Check that notes are at the times of playing; return the row of clocks."""
     events, (clock,) = recording.aligned()
     played = [row for row in events if row["source"] == "midi" and row["name"] == "note 60"]
     np.testing.assert_allclose([row["onset_s"] for row in played], TRUE_S + 0.25, atol=tolerance_s)
@@ -49,8 +49,8 @@ def check_midi(recording: RecordingEvents, tolerance_s: float) -> dict[str, Any]
 
 
 @pytest.mark.parametrize("pulses", ["note 24 = sync", "note 24=sync", "note 24"])
-def test_midi_is_brought_over_by_the_trackers_sync_input(tmp_path: Path, pulses: str) -> None:
-    """Its pulses are the note 24, 200 ppm and 40 s off; frames at 240 Hz leave 1.2 ms open."""
+def test_midi_is_aligned_by_the_trackers_sync_input(tmp_path: Path, pulses: str) -> None:
+    """Its pulses, note 24, are off by 40 s and 200 ppm; frames at 240 Hz have an error of 1.2 ms."""
     file = midi_of(tmp_path, (TRUE_S + 40) * (1 + 200e-6))
     records = records_of(tmp_path, TRUE_S)
     clock = check_midi(RecordingEvents(poses_of(tmp_path), records, file, pulses), 0.003)
@@ -60,8 +60,8 @@ def test_midi_is_brought_over_by_the_trackers_sync_input(tmp_path: Path, pulses:
     assert 0 < clock["clock_sd_ms"] < 3
 
 
-def test_midi_is_brought_over_by_events_of_the_sheet(tmp_path: Path) -> None:
-    """As claps that were seen in the recording itself."""
+def test_midi_is_aligned_by_events_of_the_sheet(tmp_path: Path) -> None:
+    """The events are claps that were seen in the recording."""
     file = midi_of(tmp_path, TRUE_S + 40)
     rows = sheet(*TRUE_S, name="clap")
     recording = RecordingEvents(poses_of(tmp_path), None, file, "note 24 = clap", rows)
@@ -77,7 +77,7 @@ def test_midi_is_brought_over_by_events_of_the_sheet(tmp_path: Path) -> None:
         ("note 24 = clap", sheet(1.0), "the recording has no events named 'clap'"),
     ],
 )
-def test_what_is_missing_is_said(
+def test_missing_pulses_are_refused_with_the_reason(
     tmp_path: Path, pulses: str, rows: list[dict[str, Any]], message: str
 ) -> None:
     recording = RecordingEvents(poses_of(tmp_path), None, midi_of(tmp_path, TRUE_S), pulses, rows)
@@ -85,14 +85,14 @@ def test_what_is_missing_is_said(
         recording.aligned()
 
 
-def test_the_trackers_own_events(tmp_path: Path) -> None:
+def test_the_trackers_events_need_no_alignment(tmp_path: Path) -> None:
     events, (clock,) = RecordingEvents(poses_of(tmp_path), file=records_of(tmp_path, TRUE_S)).aligned()
     np.testing.assert_allclose([row["onset_s"] for row in events], TRUE_S, atol=1 / 240)
     assert events[0]["onset_sd_ms"] == pytest.approx(1e3 / 240 / np.sqrt(12))
     assert (clock["source"], clock["status"], clock["offset_s"]) == ("tracker", "ok", 0)
 
 
-def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
+def test_every_file_extension_has_a_sample_and_is_in_the_guide() -> None:
     page = (REPOSITORY / "docs" / "events.md").read_text("utf-8")
     for endings in READERS:
         assert any(name.endswith(endings) for name in EVENTS)
@@ -103,7 +103,7 @@ def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
 @pytest.mark.parametrize("name", EVENTS)
 @settings(max_examples=20, deadline=None)
 @given(share=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
-def test_a_spoilt_file_is_read_or_refused(
+def test_a_damaged_file_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, name: str, share: float, byte: int, cut: bool
 ) -> None:
     data = EVENTS[name]()
@@ -120,7 +120,7 @@ def test_a_spoilt_file_is_read_or_refused(
 NAN = float("nan")
 
 
-def test_a_cycle_lasts_to_the_next_event_or_as_long_as_the_event() -> None:
+def test_a_cycle_lasts_until_the_next_event_or_the_events_end() -> None:
     cycles = cut_cycles("tap", [3.0, 1.0, 2.0], [NAN, NAN, NAN])
     assert [(cycle.number, cycle.onset_s, cycle.duration_s) for cycle in cycles] == [
         (0, 1.0, 1.0),
@@ -131,13 +131,15 @@ def test_a_cycle_lasts_to_the_next_event_or_as_long_as_the_event() -> None:
     assert cut_cycles("once", [1.0], [NAN]) == []
 
 
-def test_cycles_of_another_length_are_refused() -> None:
+def test_cycles_of_unusual_length_are_refused() -> None:
     cycles = cut_cycles("tap", [0, 1, 2, 3, 3.2, 4.2, 7.2], [NAN] * 7)
     assert [cycle.refusal.partition(":")[0] for cycle in cycles] == ["", "", "", "too short", "", "too long"]
 
 
-def test_cycles_whose_ends_are_not_known_are_refused() -> None:
-    """By its own onset, by the next one that ends it, and by a weak clock; what nothing says is no error."""
+def test_cycles_with_uncertain_ends_are_refused() -> None:
+    """The onset, the next onset or the clock may be uncertain, or the cycle outside the recording; an unknown
+    error is accepted.
+    """
     cycles = cut_cycles("tap", [0, 1, 2, 3, 4, 5], [NAN] * 6, [NAN, 0.04, 0.06, 0.0, 0.0, np.inf])
     reasons = ["", "known to 60 ms", "known to 60 ms", "", "clock of its events is weak"]
     for cycle, reason in zip(cycles, reasons, strict=True):
@@ -159,7 +161,7 @@ def rows_in(folder: Path, name: str) -> list[dict[str, Any]]:
     return list(rows_of(read_table(folder / f"{name}.parquet", TABLES[name])))
 
 
-def test_a_recording_alone(tmp_path: Path) -> None:
+def test_the_stage_aligns_a_recording_without_a_plan(tmp_path: Path) -> None:
     files = ["--poses", poses_of(tmp_path), "--events", midi_of(tmp_path, TRUE_S + 7)]
     assert run(tmp_path, *files, "--pulses", "note 24", "--recording", records_of(tmp_path, TRUE_S)) == 0
     events = rows_in(tmp_path, "events")
@@ -180,7 +182,7 @@ def test_a_recording_alone(tmp_path: Path) -> None:
         (("--poses", "{poses}", "--events", "{midi}"), "has its own clock"),
     ],
 )
-def test_bad_input_is_one_sentence(
+def test_bad_input_is_refused_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: tuple[str, ...], message: str
 ) -> None:
     files = {"poses": poses_of(tmp_path), "midi": midi_of(tmp_path, TRUE_S)}
@@ -192,8 +194,10 @@ def test_bad_input_is_one_sentence(
     assert not (tmp_path / "events.parquet").exists()
 
 
-def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None:
-    """A file that cannot be read is its recording's own problem; rows go to the recording that they name."""
+def test_the_stage_aligns_every_recording_of_a_plan(tmp_path: Path) -> None:
+    """Rows of the sheet go to the recording that they name; an unreadable file fails its own recording
+    only.
+    """
     head = HEADER.replace("\t", " ").split(" ")
     study = write_study(
         tmp_path,

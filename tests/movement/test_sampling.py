@@ -1,4 +1,4 @@
-"""The grid of time, which gaps are bridged, speeds of known motion, and what noise does to them."""
+"""Time grids, bridged gaps, and speeds of known motions with and without noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from shukotsu.movement.sampling import (
 STEP_S = 1 / 240
 
 
-def test_lost_frames_leave_empty_places() -> None:
+def test_lost_frames_are_empty_on_the_grid() -> None:
     time_s = 3.0 + STEP_S * np.array([0, 1, 2, 5, 6])
     grid = grid_of(time_s)
     assert grid is not None
@@ -33,7 +33,7 @@ def test_lost_frames_leave_empty_places() -> None:
 
 
 def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Frames of twenty seconds that are there, and the times that they are stamped with."""
+    """Return the frame numbers present in 20 s at 240 Hz and their time stamps in s."""
     g, frame = np.random.default_rng(4), np.arange(4800)
     if kind == "most lost":
         frame = frame[g.random(4800) > 0.6]
@@ -50,7 +50,7 @@ def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("kind", ["milliseconds", "some lost", "most lost", "a host's ticks", "jitter"])
-def test_the_rate_is_that_of_the_frames_whatever_their_stamps(kind: str) -> None:
+def test_the_rate_is_found_from_imprecise_time_stamps(kind: str) -> None:
     frame, time_s = _stamped(kind)
     grid = grid_of(time_s)
     assert grid is not None
@@ -58,7 +58,7 @@ def test_the_rate_is_that_of_the_frames_whatever_their_stamps(kind: str) -> None
     assert grid.index.tolist() == (frame - frame[0]).tolist()
 
 
-def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
+def test_short_gaps_are_interpolated_linearly_and_long_ones_stay() -> None:
     longest = int(MOST_GAP_S / STEP_S)
     values = np.column_stack([np.arange(100.0), 2 * np.arange(100.0)])
     gapped = values.copy()
@@ -70,16 +70,16 @@ def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
     assert np.isnan(filled[50 : 51 + longest, 0]).all()
     assert np.isnan(filled[:3, 1]).all()
     assert np.isnan(filled[-2:, 1]).all()
-    assert np.isnan(gapped[10, 0])  # what was given is as it was
+    assert np.isnan(gapped[10, 0])  # the input is unchanged
 
 
 def sine(frequency_hz: float, step_s: float, seconds: float = 4.0) -> tuple[Array, Array]:
-    """A sine of amplitude 20 and its rate of change, (T, 1)."""
+    """Return a sine of amplitude 20 and its derivative, both (T, 1)."""
     phase = 2 * np.pi * frequency_hz * np.arange(0, seconds, step_s)[:, None]
     return 20 * np.sin(phase), 20 * 2 * np.pi * frequency_hz * np.cos(phase)
 
 
-def test_a_parabola_has_its_own_slope() -> None:
+def test_the_velocity_of_a_parabola_is_exact() -> None:
     time_s = np.arange(100)[:, None] * STEP_S
     slope = velocity(3 + 5 * time_s - 7 * time_s**2, STEP_S)
     inside = slice(half_width(STEP_S), -half_width(STEP_S))
@@ -88,7 +88,7 @@ def test_a_parabola_has_its_own_slope() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [60, 120, 240, 960])
-def test_a_finger_has_the_same_speed_at_any_rate(rate_hz: int) -> None:
+def test_the_velocity_of_a_sine_is_right_at_any_rate(rate_hz: int) -> None:
     angle, true = sine(1.5, 1 / rate_hz)
     measured = velocity(angle, 1 / rate_hz)
     finite = np.isfinite(measured)
@@ -96,8 +96,8 @@ def test_a_finger_has_the_same_speed_at_any_rate(rate_hz: int) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [240, 960])
-def test_the_window_passes_half_the_power_at_the_cut_off(rate_hz: int) -> None:
-    """The local parabola's value at a sine of the cut-off, by least squares."""
+def test_the_window_passes_half_the_power_at_the_cutoff(rate_hz: int) -> None:
+    """The local parabola is fitted to a sine of the cutoff frequency by least squares."""
     width = half_width(1 / rate_hz)
     kept = []
     for half in (width, width + 1):
@@ -108,14 +108,14 @@ def test_the_window_passes_half_the_power_at_the_cut_off(rate_hz: int) -> None:
 
 
 @pytest.mark.parametrize("moving", [0.0, 1.0])
-def test_the_noise_of_a_speed_is_told_from_the_recording(moving: float) -> None:
+def test_the_noise_of_velocities_is_estimated_from_the_recording(moving: float) -> None:
     noise = np.random.default_rng(1).normal(0, 0.1, (20000, 2))
     angle = moving * sine(3.0, STEP_S, 20000 * STEP_S)[0][:20000] + noise
     left = velocity(noise, STEP_S)
     np.testing.assert_allclose(velocity_noise_sd(angle, STEP_S), np.nanstd(left, axis=0), rtol=0.1)
 
 
-def test_noise_at_rest_is_hardly_a_speed_and_leaves_a_movement_its_own() -> None:
+def test_noise_adds_little_speed_at_rest_and_none_in_movement() -> None:
     noise = np.random.default_rng(2).normal(0, 0.1, (5000, 1))
     at_rest = velocity(noise, STEP_S)
     assert np.nanmedian(speed(noise[..., None], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
@@ -124,7 +124,7 @@ def test_noise_at_rest_is_hardly_a_speed_and_leaves_a_movement_its_own() -> None
     assert np.nanpercentile(measured, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)
 
 
-def test_percentiles_are_of_the_numbers_of_each_series_whatever_its_gaps() -> None:
+def test_percentiles_ignore_the_gaps_of_each_series() -> None:
     series = np.random.default_rng(3).normal(size=(4, 50))
     series[1, ::3] = series[2] = np.nan
     series[3, ::3] = np.nan

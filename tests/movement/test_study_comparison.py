@@ -1,4 +1,4 @@
-"""A study's comparisons on drawn movement: the effect that is there, who is left out, and the same bytes."""
+"""A study's comparisons of simulated movement: known effects, repeatability, and subjects left out."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def compared(
     factors: Sequence[str] = ("group", "session"),
     suspect: Sequence[Row] = (),
 ) -> dict[str, pd.DataFrame]:
-    """Compare a study of these recordings, and return the two tables by name."""
+    """Compare a study of the given recordings and return the two tables by name."""
     results = Results(folder)
     drawn.write_movement(results, ranges)
     finding = Finding("units", SUSPECT, "radians")
@@ -42,7 +42,7 @@ def compared(
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> dict[str, pd.DataFrame]:
-    """Twelve subjects in two groups, three sessions, one number."""
+    """Comparisons of twelve subjects in two groups with three sessions."""
     recordings = drawn.recordings(12)
     folder = tmp_path_factory.mktemp("study")
     return compared(folder, recordings, drawn.ranges(recordings))
@@ -54,7 +54,7 @@ def rows_of(table: pd.DataFrame, **where: str) -> pd.DataFrame:
     return table
 
 
-def test_the_groups_differ_where_they_do(study: dict[str, pd.DataFrame]) -> None:
+def test_only_the_simulated_group_difference_is_shown(study: dict[str, pd.DataFrame]) -> None:
     rows = rows_of(study["movement_differences"], factor="group", quantity="range_deg", model="whole-hand")
     moved = rows[rows["of"] == "index_pip flexion"].iloc[0]
     assert (moved.level, moved.other_level, moved.design) == ("A", "B", "between")
@@ -78,7 +78,7 @@ def test_sessions_are_compared_within_subjects(study: dict[str, pd.DataFrame]) -
     assert (rows["low"] < rows["difference"]).all()
 
 
-def test_repeatability_is_that_of_the_sessions(study: dict[str, pd.DataFrame]) -> None:
+def test_repeatability_agrees_with_the_simulated_sessions(study: dict[str, pd.DataFrame]) -> None:
     rows = rows_of(study["movement_reliability"], quantity="range_deg", model="whole-hand")
     assert set(rows["across"]) == {"session"}
     assert (rows["sem_low"] < drawn.RETEST_SD_DEG).all()
@@ -87,8 +87,8 @@ def test_repeatability_is_that_of_the_sessions(study: dict[str, pd.DataFrame]) -
     assert (rows["n"].eq(12) & rows["k"].eq(3)).all()
 
 
-def test_trials_and_sessions_do_not_make_a_subject_count_twice(tmp_path: Path) -> None:
-    """Trials of another number are averaged first; who has one session stands beside who has three."""
+def test_a_subject_with_more_trials_or_sessions_counts_once(tmp_path: Path) -> None:
+    """Trials are averaged within sessions, then sessions within subjects, whatever their number."""
     few = drawn.recordings(8, ("1",))
     values = {row["subject"]: float(index) for index, row in enumerate(few)}
     ranges = [drawn.range_row(row, "rigid", "index_pip", values[row["subject"]], None) for row in few]
@@ -102,7 +102,7 @@ def test_trials_and_sessions_do_not_make_a_subject_count_twice(tmp_path: Path) -
     assert row.p == pytest.approx(row.p_holm)
 
 
-def test_who_has_no_level_is_left_out_and_said(tmp_path: Path) -> None:
+def test_a_subject_without_a_level_is_left_out_with_the_reason(tmp_path: Path) -> None:
     recordings = drawn.recordings(10, ("",))
     recordings[4] |= {"group": ""}
     table = compared(tmp_path, recordings, drawn.ranges(recordings), factors=["group"])[
@@ -118,8 +118,8 @@ def test_a_study_without_factors_or_movement_has_empty_tables(tmp_path: Path) ->
     assert all(table.empty for table in tables.values())
 
 
-def test_levels_have_one_order_in_every_hand_and_a_pair_one_design(tmp_path: Path) -> None:
-    """The first subject has no left hand at the first level, and on the left few have both."""
+def test_the_order_of_levels_and_the_design_are_the_same_for_both_hands(tmp_path: Path) -> None:
+    """Only two left hands, not the first subject's, have both levels."""
     right = drawn.recordings(8, ("pre", "post"))
     left = [
         row | {"hand": "left"}
@@ -134,8 +134,10 @@ def test_levels_have_one_order_in_every_hand_and_a_pair_one_design(tmp_path: Pat
     assert set(table.loc[table["hand"] == "left", "n"]) == {2}
 
 
-def test_a_verdict_is_of_all_that_is_said_of_two_levels_at_once(tmp_path: Path) -> None:
-    """Over hands, tasks and quantities: it costs more among ten tasks than in one."""
+def test_the_correction_covers_all_comparisons_of_two_levels(tmp_path: Path) -> None:
+    """It covers hands, tasks and quantities, so corrected p values are larger with ten tasks than with
+    one.
+    """
     rows = [row | {"task": f"t{task}"} for task in range(10) for row in drawn.recordings(12, ("",))]
     of_tasks = [drawn.ranges(rows[start : start + 12], start, ["rigid"]) for start in range(0, 120, 12)]
     ranges = [row | {"full_range_deg": None} for task_rows in of_tasks for row in task_rows]
@@ -148,7 +150,7 @@ def test_a_verdict_is_of_all_that_is_said_of_two_levels_at_once(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_what_changes_between_sessions_is_in_their_repeatability(tmp_path: Path) -> None:
+def test_repeatability_names_the_factors_that_it_contains(tmp_path: Path) -> None:
     rows = drawn.recordings(6, ("1", "2"), trials=2)
     rows = [row | {"drug": "yes" if row["session"] == "2" else "no", "tempo": row["trial"]} for row in rows]
     ranges = drawn.ranges(rows, models=["rigid"])
@@ -167,8 +169,8 @@ def test_what_changes_between_sessions_is_in_their_repeatability(tmp_path: Path)
     }
 
 
-def test_groups_are_those_of_the_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By the stage: eight subjects in two groups, which the participants sheet names."""
+def test_the_stage_compares_groups_of_the_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Eight subjects are in two groups; without its input tables the stage is refused."""
     recordings = drawn.recordings(8, ("",))
     rows = [f"{row['subject']} right play evaluation {row['subject']}.csv - - - -" for row in recordings]
     people = "\n".join(["subject group", *(f"{row['subject']} {row['group']}" for row in recordings)])

@@ -1,4 +1,4 @@
-"""A wrong sign in an equation of the paper fails a test: each is planted in a copy and must be found."""
+"""Every wrong sign planted in the paper's equations, in a copy of the program, makes a test fail."""
 
 import os
 import shutil
@@ -73,14 +73,14 @@ GUARDS = {
     "posture.py": "paper/test_posture.py",
 }
 """Modules of the paper's equations with their tests."""
-# Any example that fails will do.
+# One failing example is enough, so it is not shrunk.
 first_failure = settings(settings.get_profile("steady"), phases=(Phase.explicit, Phase.generate))
 settings.register_profile("first", first_failure)
 
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the code and of the tests that guard the equations."""
+    """A copy of the program and of the tests of the equations."""
     folder = copy_of_the_program(tmp_path_factory.mktemp("mutated") / "copy")
     for name in (
         "pyproject.toml",
@@ -92,7 +92,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run_guard(folder: Path, guard: str) -> None:
-    """Run tests of the copy in this process, and end it."""
+    """Run tests of the copy in this process and exit with their result."""
     for name in [name for name in sys.modules if name.partition(".")[0] in ("shukotsu", "tests", "chains")]:
         del sys.modules[name]
     os.chdir(folder)
@@ -103,7 +103,9 @@ def run_guard(folder: Path, guard: str) -> None:
 
 
 def guard_passes(folder: Path, guard: str) -> bool:
-    """Whether all of these tests of the copy pass, in a process that has read other packages already."""
+    """Return whether the tests pass for the copy, in a forked process that has already imported other
+    packages.
+    """
     process = get_context("fork").Process(target=run_guard, args=(folder, guard))
     process.start()
     process.join()
@@ -113,7 +115,7 @@ def guard_passes(folder: Path, guard: str) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("guard", dict.fromkeys(GUARDS.values()))
-def test_the_guards_pass_as_the_code_is(copy: Path, guard: str) -> None:
+def test_the_tests_pass_without_a_mutation(copy: Path, guard: str) -> None:
     assert guard_passes(copy, guard)
 
 

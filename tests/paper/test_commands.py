@@ -1,4 +1,4 @@
-"""Planes, metacarpals and tips by a plan and alone: every skeleton's own rows, or why there are none."""
+"""The stages project_planes, estimate_metacarpals and evaluate_tips, with a plan and for one hand alone."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ CORRECTIONS = (
 
 @pytest.fixture(scope="module")
 def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The right hand's skeletons are made without opposition as well, from rom; the left hand's are not."""
+    """Plan in which the right hand's skeletons are also made without opposition, from rom alone."""
     recordings = [("right", "rom", "calibration"), ("right", "opposition", "both")]
     recordings += [("left", "opposition", "both"), ("left", "rom", "both", "-", "-", "moved")]
     subject = planned_subject(
@@ -70,7 +70,7 @@ def estimate(out: Path, joints: Path, *options: object) -> int:
 
 
 def evaluate(plan: SubjectPlan, out: Path, calibrated_on: str, *options: object, **tables: Path) -> int:
-    """Evaluate the right hand alone on the plan's tables, or others in their place, into a folder."""
+    """Evaluate the right hand without a plan, on the plan's tables or on `tables` instead, into a folder."""
     out.mkdir(exist_ok=True)
     read = {name: plan.table(name) for name in BUILT} | tables
     argv = [f"--{name.replace('_', '-')}={path}" for name, path in read.items()]
@@ -79,10 +79,10 @@ def evaluate(plan: SubjectPlan, out: Path, calibrated_on: str, *options: object,
     return stage_runs.evaluate_tips([*argv, *stage_runs.outputs("evaluate_tips", out)])
 
 
-def test_corrections_move_that_hands_joint_under_models_that_take_them(
+def test_corrections_move_only_their_joint_under_models_that_use_them(
     plan: SubjectPlan, tmp_path: Path
 ) -> None:
-    """The left hand's solutions failed, which costs the right hand nothing."""
+    """The left hand's solutions failed; its failure is recorded and the right hand is projected."""
     recordings = ("01 right opposition both b.csv", "01 left opposition both c.csv")
     file = write_study(tmp_path, *recordings, models=MODELS, corrections=CORRECTIONS)
     solutions, solved = tmp_path / "joint_solutions.parquet", Part("right", "paper-fig4", "", "01")
@@ -110,8 +110,8 @@ def test_corrections_move_that_hands_joint_under_models_that_take_them(
     assert "plan.json" in {Path(entry["file"]).name for entry in read_metadata(out)["inputs"]}
 
 
-def test_a_hand_alone_has_the_same_numbers(plan: SubjectPlan, tmp_path: Path) -> None:
-    """From its joint solutions to its tips; where solutions are of several an option says which."""
+def test_a_hand_without_a_plan_has_the_same_results(plan: SubjectPlan, tmp_path: Path) -> None:
+    """Run from the joint solutions to the tips; if the solutions are of several hands, --hand is required."""
     projected, solutions = tmp_path / "projected_joints.parquet", plan.table("joint_solutions")
     assert project(projected, solutions, *ALONE) == 2
     assert project(projected, solutions, *ALONE, "--hand", "right") == 0
@@ -129,8 +129,8 @@ def test_a_hand_alone_has_the_same_numbers(plan: SubjectPlan, tmp_path: Path) ->
     assert all(read_part(tmp_path / "tip_errors.parquet", TIP_ERRORS, WHOLE)["held_out"].to_pylist())
 
 
-def test_metacarpals_are_posed_in_every_recording(plan: SubjectPlan) -> None:
-    """Under one made without a task in that task alone."""
+def test_metacarpals_are_posed_in_every_included_recording(plan: SubjectPlan) -> None:
+    """A skeleton made without a task is posed in that task alone."""
     for name, table in BUILT.items():
         metadata = part_metadata(plan.table(name), table)
         assert list(metadata) == plan.parts()
@@ -150,7 +150,7 @@ def test_metacarpals_are_posed_in_every_recording(plan: SubjectPlan) -> None:
         assert all(np.isfinite(values).all() for values in turns.values())
 
 
-def test_a_part_that_failed_costs_no_other(
+def test_a_failed_part_does_not_affect_the_others(
     plan_file: Path, plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     joints, projected = tmp_path / "joints.parquet", plan.table("projected_joints")
@@ -173,8 +173,8 @@ def test_a_part_that_failed_costs_no_other(
                 assert read_part(path, table, part).equals(read_part(plan.table(name), table, part))
 
 
-def test_every_skeleton_is_replayed_where_it_is_evaluated(plan: SubjectPlan) -> None:
-    """What it was calibrated on is not held out; a skeleton made without the task is evaluated on it."""
+def test_every_skeleton_is_evaluated_in_its_evaluation_recordings(plan: SubjectPlan) -> None:
+    """A recording counts as held out only for skeletons made without its task."""
     assert list(part_metadata(plan.table("tips"), TIPS)) == plan.parts()
     for part in plan.parts():
         errors = list(rows_of(read_part(plan.table("tip_errors"), TIP_ERRORS, part)))
@@ -188,7 +188,7 @@ def test_every_skeleton_is_replayed_where_it_is_evaluated(plan: SubjectPlan) -> 
                 assert row["mean_mm"] == pytest.approx(tips[row["digit"]].mean(), rel=1e-12)
 
 
-def test_errors_are_distances_of_the_tips(plan: SubjectPlan) -> None:
+def test_tip_errors_are_distances_between_tips_and_receivers(plan: SubjectPlan) -> None:
     columns = [f"tip_{axis}_mm" for axis in "xyz"] + ["error_mm"]
     layout = read_layout("liberty16")
     tips = recording_numbers(plan.table("tips"), TIPS, WHOLE, "opposition", "", columns)
@@ -208,7 +208,7 @@ def changed_metacarpals(out: Path, rows: pa.Table) -> Path:
 def test_metacarpals_of_other_poses_are_refused(
     plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Never read out of step, nor recorded as a result of the subject's."""
+    """Frames are never paired with those of another recording, and no failure is recorded for the subject."""
     table = read_part(plan.table("metacarpals"), METACARPALS, WHOLE)
     few = changed_metacarpals(tmp_path / "few.parquet", table.filter(pc.less(table["frame"], 101)))
     assert evaluate(plan, tmp_path / "out", "rom", "--record-failure", metacarpals=few) == 2
@@ -217,8 +217,8 @@ def test_metacarpals_of_other_poses_are_refused(
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_gap_is_in_no_statistic(plan: SubjectPlan, tmp_path: Path) -> None:
-    """The posture is unknown in the first frames: the next one is what the paper's binding starts from."""
+def test_gaps_are_left_out_of_the_statistics(plan: SubjectPlan, tmp_path: Path) -> None:
+    """If the posture is unknown in the first frames, the paper's binding starts from the next frame."""
     table = read_part(plan.table("metacarpals"), METACARPALS, WHOLE)
     table = table.filter(pc.equal(table["task"], "opposition"))
     first = pc.and_(pc.less(table["frame"], 5), pc.equal(table["digit"], "index"))

@@ -1,4 +1,4 @@
-"""Wrist points and bones of a simulated hand under every way that a model or layout can ask for them."""
+"""Wrist points, bones and posed metacarpals of a simulated hand under different models and layouts."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,7 +34,7 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> HandResults:
 
 @pytest.fixture(scope="module")
 def build(hand: HandResults) -> Build:
-    """Build that hand under another model or layout, from its projected joints."""
+    """Return a function that builds the hand from its projected joints under another model or layout."""
     projected = read_table(hand.folder / "projected_joints.parquet", JOINT_CENTRES)
     rows = {row["joint"]: row for row in rows_of(projected)}
 
@@ -60,8 +60,8 @@ def with_point(layout: Layout, mm: tuple[float, float, float]) -> Layout:
     return replace(layout, wrist=replace(layout.wrist, point_mm=mm))
 
 
-def test_auto_takes_the_first_that_there_is(build: Build) -> None:
-    """The forearm's joint, else the configured point, else the estimated one."""
+def test_an_automatic_wrist_uses_the_best_available_source(build: Build) -> None:
+    """It is the joint to the forearm, else the configured point, else the estimated point."""
     model, layout = read_model("paper-fig4"), read_layout("liberty16")
     configuring = with_point(layout, (-40.0, 1.0, -12.0))
     assert wrist_of(build(model, configuring))["source"] == "fit"
@@ -75,8 +75,10 @@ def test_auto_takes_the_first_that_there_is(build: Build) -> None:
     assert np.linalg.norm(point(estimated) - [-35, 0, -14]) < 40
 
 
-def test_bones_end_where_the_model_says(build: Build) -> None:
-    """Thumb metacarpals: from its own CMC joint in Fig. 4, from the wrist in Fig. 3, which is longer."""
+def test_bones_run_between_the_points_that_the_model_names(build: Build) -> None:
+    """The thumb metacarpal starts at the CMC joint in Fig. 4 and at the wrist in Fig. 3, where it is
+    longer.
+    """
     bones = {
         name: {row["bone"]: row for row in build(read_model(name)).bones}
         for name in ("paper-fig3-rest", "paper-fig3", "paper-fig4", "rigid")
@@ -101,8 +103,8 @@ def test_bones_end_where_the_model_says(build: Build) -> None:
                 assert bone["length_mm"] == pytest.approx(length)
 
 
-def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) -> None:
-    """Where a receiver is lost that the posture needs, and only there."""
+def test_metacarpals_are_empty_and_flagged_where_a_receiver_is_lost(build: Build, hand: HandResults) -> None:
+    """Only the frames without a receiver that the digit's posture needs are affected."""
     layout, model = read_layout("liberty16"), read_model("paper-fig4")
     poses = read_poses(hand.path("poses"), layout.measured)
     valid = poses.valid.copy()
@@ -118,8 +120,10 @@ def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) ->
         assert np.flatnonzero(np.isnan(columns[digit]["qw"])).tolist() == frames
 
 
-def test_knuckles_nearer_than_any_hands_are_not_believed(build: Build) -> None:
-    """None of this hand's are; of one whose ring MCP lies 4 mm beside the middle's both are in doubt."""
+def test_knuckles_closer_than_in_any_hand_are_doubted(build: Build) -> None:
+    """No knuckle of this hand is; with the ring MCP 4 mm beside the middle MCP both are doubted and
+    reported.
+    """
     layout = read_layout("liberty16")
     built = build(read_model("paper-fig4"))
     assert TOO_CLOSE not in "".join(row["reason_values"] for row in judge_hand(built, layout, {}).joints)

@@ -1,4 +1,4 @@
-"""All parts of a subject: each recording read once, each solver run once, a part that fails fails alone."""
+"""Solving all parts of a subject: shared reading and solving, and failures that stay with their part."""
 
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -32,10 +32,8 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_poses(tmp_path_factory.mktemp("poses") / "poses.parquet", simulated, "right", "rom")
 
 
-def test_the_same_recordings_and_settings_are_solved_once(
-    poses: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Models with equal settings share their solution; another setting or side gets its own."""
+def test_equal_recordings_and_settings_are_solved_once(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Models with equal settings share a solution; another setting or hand is solved separately."""
     streamed, solved = [], []
     stream, solve = part_solutions.stream_recordings, part_solutions.solve_recordings
     monkeypatch.setattr(
@@ -63,13 +61,13 @@ def test_the_same_recordings_and_settings_are_solved_once(
 
 @dataclass(frozen=True)
 class Constrained(JointSolving):
-    """The group `joints` of a model file, had it one key more."""
+    """Settings `joints` of a model file with one additional key."""
 
     made_up_mm: float
 
 
-def test_a_constraint_that_is_added_cannot_be_forgotten(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Models that differ in one key alone, whatever it is, are solved apart, and the solver is given it."""
+def test_parts_with_other_settings_are_solved_apart(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two models that differ in one new key alone are solved separately, each with its value."""
     solve = part_solutions.solve_recordings
 
     def obeying(recordings: Any, settings: Constrained) -> Any:
@@ -96,16 +94,16 @@ def _x_of_index_pip(rows: list[dict[str, Any]] | Exception) -> float:
     return float(next(row["parent_x_mm"] for row in rows if row["joint"] == "index_pip"))
 
 
-def test_a_fitted_hand_is_solved_in_closed_form() -> None:
-    """What the fit of the whole hand takes from joints one by one is the same under any solver."""
+def test_the_whole_hand_fit_always_starts_from_closed_form_joints() -> None:
+    """The solver named in the model does not change the joint-by-joint solutions of the whole-hand fit."""
     fitted = read_model("whole-hand")
     literal = replace(fitted, joints=replace(fitted.joints, solver="stacked-svd"))
     assert literal.solving == fitted.solving
     assert (fitted.solving.solver, fitted.solving.singular_values) == ("closed", 6)
 
 
-def test_without_a_recording_every_joint_has_failed_and_says_why(poses: Path, tmp_path: Path) -> None:
-    """A recording whose import failed is left out; without any other there is no centre."""
+def test_without_a_usable_recording_every_joint_fails_with_the_reason(poses: Path, tmp_path: Path) -> None:
+    """A recording whose import failed is left out; if it is the only one, every joint has failed."""
     failed = tmp_path / "failed.parquet"
     write_failure(failed, POSES, "the file is empty", Provenance())
     rows = solve_parts([request("paper-fig4", poses, failed), request("paper-fig4", failed, hand="left")])
@@ -117,15 +115,15 @@ def test_without_a_recording_every_joint_has_failed_and_says_why(poses: Path, tm
     assert unusable[0]["message"] == "no calibration recording: the file is empty"
 
 
-def test_a_file_that_is_no_table_is_no_result(tmp_path: Path) -> None:
-    """Nobody's hand is to blame for a damaged file, so it is refused and not recorded."""
+def test_a_damaged_poses_file_is_refused(tmp_path: Path) -> None:
+    """It is an error of the whole command, not a failure recorded for a part."""
     damaged = tmp_path / "damaged.parquet"
     damaged.write_bytes(b"PAR1")
     with pytest.raises(TableError, match="not a readable Parquet file"):
         solve_parts([request("paper-fig4", damaged)])
 
 
-def test_a_hand_alone_is_one_part(poses: Path, tmp_path: Path) -> None:
+def test_a_hand_without_a_plan_is_one_part(poses: Path, tmp_path: Path) -> None:
     out = tmp_path / "joints.parquet"
     argv = ["--poses", str(poses), "--layout", "liberty16", "--out", str(out)]
     assert main([*argv, "--model", "paper-fig4"]) == 0
@@ -138,10 +136,12 @@ def test_a_hand_alone_is_one_part(poses: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [InputError("the field is too strong"), ZeroDivisionError()])
-def test_a_failed_part_is_recorded_or_raised(
+def test_a_failure_is_recorded_only_when_asked_for(
     error: Exception, poses: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With --record-failure the part says why it failed, bug or not; without, the command fails."""
+    """With --record-failure the table holds the reason, even of an internal error; without it the command
+    fails.
+    """
 
     def fail(*_: object, **__: object) -> None:
         raise error

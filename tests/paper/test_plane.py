@@ -1,4 +1,4 @@
-"""The plane: known centres to 1e-6 mm, one slide for both halves, five and six values alike."""
+"""Projecting joint centres onto sagittal planes: accuracy, stated errors and doubts."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,8 +33,8 @@ def cut(solution: JointSolution, *, parent: bool = False, normal: np.ndarray = S
 
 @given(SEEDS)
 @settings(max_examples=30)
-def test_exact_hinges_end_at_their_centres(seed: int) -> None:
-    """Hinges, exact planes, no noise: both halves to 1e-6 mm."""
+def test_exact_hinges_are_projected_to_their_centres(seed: int) -> None:
+    """Without noise and with the true planes, p and q are the true centres to 1e-6 mm."""
     chain = random_chain(seed, 4)
     moments = moments_of(chain)
     for j in range(3):
@@ -46,8 +46,8 @@ def test_exact_hinges_end_at_their_centres(seed: int) -> None:
 
 @given(SEEDS)
 @settings(max_examples=30)
-def test_both_halves_slide_alike(seed: int) -> None:
-    """The plane in one frame is met there, and p and q move by the same multiple of the null vector."""
+def test_both_centres_slide_by_the_same_distance_along_the_axis(seed: int) -> None:
+    """The child's centre q ends in its plane, and p and q move by the same multiple of their null vectors."""
     chain = random_chain(seed, 2, off_axis_rad=0.1, in_plane=False)
     solution = solve_closed(moments_of(chain), 0, 5)
     at = cut(solution)
@@ -65,10 +65,10 @@ def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], o
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("shift", [None, np.array([3.0, -2.0, 5.0])])
-def test_the_gap_of_a_placed_centre_is_that_measured_frame_by_frame(
+def test_the_gap_of_a_placed_centre_equals_the_frame_by_frame_gap(
     seed: int, shift: np.ndarray | None
 ) -> None:
-    """gap_rms_mm after plane and correction is the gap measured frame by frame."""
+    """The same applies after a manual correction, and the unconstrained gap is no larger."""
     joint, row, chain = solved_row(seed, off_axis_rad=0.1, noise_mm=0.2)
     placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4-corrected"), shift)
     p = np.array([placed[f"parent_{axis}_mm"] for axis in "xyz"])
@@ -82,8 +82,10 @@ def test_the_gap_of_a_placed_centre_is_that_measured_frame_by_frame(
         np.testing.assert_allclose(moved, shift, atol=1e-12)
 
 
-def test_what_speaks_against_a_centre_is_noted() -> None:
-    """Little motion, an axis near the plane and an uncertain axis are each named; a good one: its error."""
+def test_doubts_about_a_centre_are_named() -> None:
+    """Little motion, an uncertain axis and an axis near the plane are named; a good joint has its error
+    alone.
+    """
     model = read_model("paper-fig4")
     joint, row, _ = solved_row(1)
     assert [*doubts_of(judged_joint(place_joint(joint, LAYOUT, row, model, None), FINGER_MM))] == [
@@ -102,7 +104,7 @@ def test_what_speaks_against_a_centre_is_noted() -> None:
 
 @pytest.mark.slow
 def test_sd_predicts_the_scatter_of_placed_centres() -> None:
-    """Over 200 repetitions with white noise, the placed centre scatters by what sd_mm says."""
+    """Over 200 repetitions with white noise the projected centre scatters by sd_mm, to 20 %."""
     chain = random_chain(3, 2, 400, range_rad=0.5)
     centres, stated = [], []
     for seed in range(200):
@@ -116,7 +118,7 @@ def test_sd_predicts_the_scatter_of_placed_centres() -> None:
     assert np.mean(stated) == pytest.approx(scatter, rel=0.2)
 
 
-def test_a_model_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
+def test_a_model_with_corrections_but_no_planes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(
         "model: mine\ndescription: Mine.\nplanes: {cut: false, corrections: true}\n"
     )
@@ -128,8 +130,10 @@ HAND = read_layout("liberty16")
 
 
 @pytest.mark.slow
-def test_skin_in_step_with_a_hinge_moves_its_solved_centre_by_what_is_stated() -> None:
-    """Both receivers slide at random, 2 mm per rad each way, over 300 trials."""
+def test_skin_motion_in_phase_with_a_hinge_moves_its_centre_as_stated() -> None:
+    """In 300 trials both receivers slide in proportion to the hinge's angle, by random amounts (sd 2
+    mm/rad).
+    """
     chain = random_chain(5, 2, 200, range_rad=0.15)
     poses, joint = chain.poses, replace(chain.joints[0], plane=replace(chain.joints[0].plane, frame="none"))
     free = solve_closed(moments_of(chain), 0, 5)
@@ -151,7 +155,7 @@ def test_skin_in_step_with_a_hinge_moves_its_solved_centre_by_what_is_stated() -
 
 
 def _hinge_angle(chain: Any) -> np.ndarray:
-    """Angle (T,) of the chain's hinge, about zero, from its quaternions."""
+    """Return the hinge's angle (T,) in rad with zero mean, from the quaternions."""
     parent, child = chain.poses.quaternion[:, 0], chain.poses.quaternion[:, 1]
     axis = rotate(parent, chain.axis_parent[0])
     across = np.cross(chain.axis_child[0], [0.3, 0.5, 0.8])
@@ -167,7 +171,7 @@ def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def stated_sd_mm(joint: str, **changes: Any) -> float:
-    """1-sigma error, mm, of a joint whose centre lies 20 mm from either receiver, square to its plane."""
+    """Return the sd in mm of a joint 20 mm from both receivers whose axis is perpendicular to its plane."""
     half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
     options: dict[str, Any] = {"gap_rms_mm": 0.8, "range_deg": 60.0, "axis_plane_deg": 90.0} | changes
     angle_deg = options.pop("axis_plane_deg")
@@ -177,7 +181,7 @@ def stated_sd_mm(joint: str, **changes: Any) -> float:
     )
 
 
-def test_a_stated_error_grows_with_gap_small_range_and_flat_cut() -> None:
+def test_the_stated_error_grows_with_gap_small_range_and_oblique_axis() -> None:
     usual = stated_sd_mm("index_pip")
     assert 3.0 < usual < 6.0
     assert stated_sd_mm("index_pip", gap_rms_mm=2.0) > 1.4 * usual
@@ -186,8 +190,7 @@ def test_a_stated_error_grows_with_gap_small_range_and_flat_cut() -> None:
     assert stated_sd_mm("ring_mcp") > stated_sd_mm("index_mcp") + 1.0
 
 
-def test_no_plane_leaves_the_axis_to_the_frames() -> None:
-    """Without a plane nothing is added along the axis."""
+def test_without_a_plane_no_error_is_added_along_the_axis() -> None:
     half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
     placed = Projection(-half_mm, half_mm, 0.0, None, np.zeros((6, 6)))
     covariance = unseen_covariance(HAND.joints["index_pip"], HAND, placed, (axis, axis), np.eye(3), 0.8, 60.0)

@@ -1,4 +1,4 @@
-"""Eq. 8-11 against scipy's rotations and against palms whose metacarpals are known."""
+"""Eq. 8-11 against scipy's rotations and simulated palms with known metacarpals; the wrist point."""
 
 import numpy as np
 from chains import quaternions, smooth
@@ -15,8 +15,8 @@ X, Y, Z = np.eye(3)
 
 
 @given(SEEDS)
-def test_swing_takes_one_vector_to_the_other(seed: int) -> None:
-    """Eq. 10 carries v(1) onto v(k) about their common normal, by the angle of Eq. 9."""
+def test_swing_rotates_one_vector_onto_the_other(seed: int) -> None:
+    """Eq. 10 rotates v(1) onto v(k) about their common normal by the angle of Eq. 9."""
     rng = np.random.default_rng(seed)
     start, vectors = rng.normal(size=3), rng.normal(size=(10, 3))
     q, theta = swing(start, vectors)
@@ -27,7 +27,9 @@ def test_swing_takes_one_vector_to_the_other(seed: int) -> None:
 
 
 def test_twist_is_signed_about_the_bone() -> None:
-    """From the metacarpal's normal z towards -y is a positive turn about x; flexion only shortens it."""
+    """A turn of the normal from z towards -y is positive about x; flexion only shortens its component
+    across.
+    """
     theta = np.radians(30.0)
     turned = np.array([0.0, -np.sin(theta), np.cos(theta)])
     flexed = np.cos(0.4) * turned + np.sin(0.4) * X
@@ -37,7 +39,9 @@ def test_twist_is_signed_about_the_bone() -> None:
 
 
 def palm(seed: int, n: int = 120) -> tuple[Rotation, np.ndarray, np.ndarray]:
-    """A metacarpal that moves freely and a phalanx that flexes and abducts, but does not twist, on it."""
+    """Return a freely moving metacarpal's rotations, its vectors (mm) and the normals of a flexing
+    phalanx.
+    """
     rng = np.random.default_rng(seed)
     bone = Rotation.from_rotvec(0.3 * smooth(rng, n, 3)) * Rotation.random(random_state=rng)
     flexion = 0.5 + 0.3 * smooth(rng, n, 1)[:, 0].clip(-1.4, 1.4)
@@ -51,8 +55,8 @@ def first(vector: Array, normal: Array, normal_reference: Array, frame: int = 0)
 
 @given(SEEDS)
 @settings(max_examples=40)
-def test_the_estimated_posture_is_the_bones_own_change(seed: int) -> None:
-    """Swing, then twist (factor 1) is the bone's own change of posture, to 1e-6 deg."""
+def test_the_estimated_posture_equals_the_bones_true_change(seed: int) -> None:
+    """Swing, then twist with factor 1 equals the metacarpal's change of posture to 1e-6 deg."""
     bone, vector, normal = palm(seed)
     posture = estimate_posture(vector, normal, first(vector, normal, bone[7].apply(Z), 7), 1.0)
     true = quaternions(bone * bone[7].inv())
@@ -63,8 +67,10 @@ def test_the_estimated_posture_is_the_bones_own_change(seed: int) -> None:
 
 @given(SEEDS)
 @settings(max_examples=20)
-def test_hand_and_transmitter_see_the_same_for_factor_one(seed: int) -> None:
-    """Seen from a hand that turns, or from the transmitter, the estimated change is the same posture."""
+def test_hand_and_transmitter_frames_give_the_same_posture(seed: int) -> None:
+    """With twist factor 1 the estimate is the same in the frame of a turning hand and in the
+    transmitter's.
+    """
     bone, vector, normal = palm(seed)
     hand = Rotation.from_rotvec(smooth(np.random.default_rng(seed + 1), 120, 3))
     in_hand = hand.inv().apply(vector), hand.inv().apply(normal)
@@ -75,8 +81,8 @@ def test_hand_and_transmitter_see_the_same_for_factor_one(seed: int) -> None:
     assert np.degrees(angle(multiply(conjugate(back), world.change))).max() < 1e-6
 
 
-def test_twist_factor_scales_the_twist_alone() -> None:
-    """Eq. 11: theta_meta = c theta_pro; c = 0 is pure swing, c = 1/2 half the twist."""
+def test_the_twist_factor_scales_only_the_twist() -> None:
+    """Eq. 11, theta_meta = c theta_pro: c = 0 is swing alone, c = 1/2 half the twist."""
     bone, vector, normal = palm(3)
     reference = first(vector, normal, bone[0].apply(Z))
     whole, half, none = (estimate_posture(vector, normal, reference, c) for c in (1.0, 0.5, 0.0))
@@ -90,7 +96,7 @@ def test_twist_factor_scales_the_twist_alone() -> None:
 
 
 def test_singularities_are_flagged() -> None:
-    """A phalanx flexed by 85 deg loses the twist, 60 deg does not; a reversed bone loses the swing."""
+    """Twist is singular for a phalanx flexed by 85 deg, not by 60 deg; swing is for a reversed bone."""
     vector = np.array([X, X, X, -X + 1e-6 * Y])
     flexed = np.array([Z, *(np.cos(a) * Z + np.sin(a) * X for a in np.radians([60, 85])), Z])
     posture = estimate_posture(vector, flexed, first(vector, flexed, Z), 1.0)
@@ -98,16 +104,16 @@ def test_singularities_are_flagged() -> None:
     assert posture.swing_singular.tolist() == [False, False, False, True]
 
 
-def test_wrist_of_a_rigid_palm_is_the_nominal_one() -> None:
-    """A palm that does not move keeps its distance to every point: the average hand decides."""
+def test_the_wrist_of_a_rigid_palm_is_the_nominal_point() -> None:
+    """A rigid palm does not determine the point, so that of the average hand is returned."""
     still = [np.tile(mcp, (50, 1)) for mcp in ([60.0, 20, 0], [60.0, -20, 0])]
     nominal = np.array([-35.0, 0, -14])
     np.testing.assert_allclose(estimate_wrist(still, nominal).point_mm, nominal, atol=1e-9)
     np.testing.assert_allclose(estimate_wrist([], nominal).point_mm, nominal)
 
 
-def test_wrist_of_a_cupping_palm_is_found() -> None:
-    """MCP joints on spheres about one point: it is found to 0.5 mm, though the nominal one is 12 mm off."""
+def test_the_wrist_of_a_cupping_palm_is_located() -> None:
+    """With MCP joints on spheres about one point, it is found to 0.5 mm from a nominal point 12 mm away."""
     rng = np.random.default_rng(0)
     true = np.array([-40.0, 3.0, -20.0])
     arms = [np.array([95.0, y, 10.0]) for y in (25.0, 8.0, -8.0, -25.0)]

@@ -1,4 +1,4 @@
-"""Section 6: what the replay's error is made of, for any chain."""
+"""Section 6: the replayed tip's error as a sum of the joints' gaps."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def rows_with(chain: Chain, off_mm: float, seed: int = 0) -> dict[str, dict[str, Any]]:
-    """Rows of joint_centres with the true centres, each half wrong by about off_mm."""
+    """Return rows of joint_centres with an error of sd off_mm per axis in p and q."""
     rng = np.random.default_rng(seed)
     rows = {}
     for j, joint in enumerate(chain.joints):
@@ -45,7 +45,7 @@ def rows_with(chain: Chain, off_mm: float, seed: int = 0) -> dict[str, dict[str,
 
 
 def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain, Array, Array]:
-    """The chain's one digit, and its tips in the least-squares and in the first-frame binding."""
+    """Return the chain's digit and its tips (T, 3) in the least-squares and the first-frame binding."""
     layout, model, poses = chain_layout(chain), read_model("rigid"), chain.poses
     (digit,) = layout.digits.values()
     bones = build_hand(rows, layout, model, reader_of(poses)).bones
@@ -61,7 +61,7 @@ def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain,
 
 
 def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:
-    """Gap of every joint, R_a p + t_a - R_b q - t_b, (T, J, 3), from matrices."""
+    """Return each joint's gap R_a p + t_a - R_b q - t_b, (T, J, 3) in mm, computed from matrices."""
     gap = []
     rotation, position = matrix(chain.poses.quaternion), chain.poses.position_mm
     for j, joint in enumerate(chain.joints):
@@ -72,11 +72,11 @@ def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:
 
 @given(SEEDS, st.integers(2, 6), st.floats(0, 30))
 @settings(max_examples=30)
-def test_the_tip_error_telescopes(seed: int, n_segments: int, off_mm: float) -> None:
-    """tip_FK - tip is the sum of the digit's gaps; bound in the first frame, less their values there.
+def test_the_tip_error_is_the_sum_of_the_joints_gaps(seed: int, n_segments: int, off_mm: float) -> None:
+    """tip_FK - tip is the sum of the digit's gaps; in the first-frame binding, minus the gaps of that frame.
 
-    A gap that is there in the binding frame is part of the bone drawn then, and turns with that bone: the
-    first bone (base by its parent half) takes its own joint's gap along, every bone its next joint's.
+    A gap in the binding frame becomes part of a bone and turns with it: the first bone carries the gaps of
+    both its joints, every later bone that of its distal joint.
     """
     chain = random_chain(seed, n_segments, 40, off_axis_rad=0.1, noise_mm=0.5)
     rows = rows_with(chain, off_mm, seed)
@@ -90,8 +90,8 @@ def test_the_tip_error_telescopes(seed: int, n_segments: int, off_mm: float) -> 
     np.testing.assert_allclose(first - measured, gap.sum(1) - bound, atol=1e-9)
 
 
-def test_the_binding_frame_is_the_first_usable_one() -> None:
-    """Gaps stay gaps, and the first frame in which all is valid has no error."""
+def test_the_binding_frame_is_the_first_fully_valid_one() -> None:
+    """Frames with an invalid receiver have no error, and the first fully valid frame has error zero."""
     chain = random_chain(1, 4, 60, noise_mm=0.5)
     chain.poses.valid[:5, 0] = False
     chain.poses.valid[30, 3] = False

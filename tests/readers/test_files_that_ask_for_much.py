@@ -1,4 +1,4 @@
-"""Files that are small and ask for much, or are none: import and inspect refuse each by a sentence."""
+"""Files that would need excessive time or memory, and pipes, are refused by import and inspect."""
 
 import os
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_an_excessive_file_is_refused_in_one_short_sentence(
 
 
 @pytest.mark.parametrize("ending", [form.endings[0] for form in FORMATS.values()] + [".c3d", ".txt"])
-def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
+def test_a_pipe_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
     path = tmp_path / f"sub-1_task-rom{ending}"
     os.mkfifo(path)
     codes, lines = outcomes(path, capsys)
@@ -59,7 +59,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert all("is a pipe; expected" in line for line in lines)
 
 
-def test_a_table_that_unpacks_to_too_much_is_refused(
+def test_a_table_that_expands_beyond_memory_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "MEMORY_BYTES", 10**7)

@@ -1,4 +1,4 @@
-"""Receivers on the wrong side of the transmitter, in a file of any format: put back, or gaps."""
+"""Receivers in the wrong hemisphere of the transmitter are repaired on request, and gaps otherwise."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +44,7 @@ def recorded(
 
 
 def arrays_of(table: PosesTable) -> tuple[np.ndarray, ...]:
-    """Positions (T, S, 3), validity (T, S) and flags (T, S) of a poses table."""
+    """Return the positions (T, S, 3), validity (T, S) and flags (T, S) of a poses table."""
     columns, shape = columns_of(table), (len(table.segments), -1)
     numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
     flags = np.array(columns["flags"].to_pylist())
@@ -53,8 +53,8 @@ def arrays_of(table: PosesTable) -> tuple[np.ndarray, ...]:
 
 @pytest.mark.parametrize("smear", [0.0, 0.4])
 @pytest.mark.parametrize("seed", range(4))
-def test_every_receiver_is_put_back(seed: int, smear: float) -> None:
-    """Whatever the first frame's side was, positions are the true ones, or all of them mirrored."""
+def test_every_receiver_is_moved_to_one_hemisphere(seed: int, smear: float) -> None:
+    """Repaired positions are all true or, depending on the first frame, all mirrored."""
     samples, true, parents = recorded(seed, smear)
     position_mm, valid, flags = arrays_of(poses_table([samples], parents, repair_hemisphere=True))
     assert valid.mean() > (0.9 if smear else 0.999)
@@ -65,7 +65,7 @@ def test_every_receiver_is_put_back(seed: int, smear: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_unasked_they_are_gaps_and_what_is_left_is_on_one_side(seed: int) -> None:
+def test_without_repair_flipped_poses_are_gaps(seed: int) -> None:
     samples, true, parents = recorded(seed)
     position_mm, valid, flags = arrays_of(poses_table([samples], parents))
     assert np.array_equal(valid, flags == "")
@@ -88,7 +88,7 @@ def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_hand_that_is_on_the_other_side_all_along_is_put_back(side: float) -> None:
+def test_a_hand_in_the_wrong_hemisphere_throughout_is_repaired(side: float) -> None:
     true_mm = hand_of(7).poses.position_mm
     position_mm, valid, flags = of_hand(side * true_mm)
     assert valid.all()
@@ -97,10 +97,12 @@ def test_a_hand_that_is_on_the_other_side_all_along_is_put_back(side: float) -> 
 
 
 @pytest.mark.slow
-def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
+def test_a_capture_in_the_wrong_hemisphere_is_reported_and_repaired(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A raw capture cannot be edited: `--repair-hemisphere` is its cure, and no finding is left."""
+    """A raw capture cannot be edited, so it is repaired with `--repair-hemisphere`, which leaves no
+    finding.
+    """
     drawn = simulate("01", "right", "rom", 7, Realism(), 300)
     poses = []
     for side, repair in ((1.0, []), (-1.0, []), (-1.0, ["--repair-hemisphere"])):

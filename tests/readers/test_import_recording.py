@@ -1,4 +1,4 @@
-"""The command `shukotsu import`, run as its users run it."""
+"""The command `shukotsu import`."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def recording(tmp_path: Path) -> Path:
     return path
 
 
-def test_metadata_say_whose_hand_it_is_and_what_is_absent(
+def test_metadata_name_the_hand_and_absent_segments(
     recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording.write_text(HEADER + ROWS + "0,0.0,index_distal,,,,,,,\n")
@@ -50,7 +50,7 @@ def test_metadata_say_whose_hand_it_is_and_what_is_absent(
     assert "(14 of 17 segments)" in captured
 
 
-def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path: Path) -> None:
+def test_the_table_does_not_depend_on_the_folder(recording: Path, tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere" / "rom.csv"
     elsewhere.parent.mkdir()
     elsewhere.write_bytes(recording.read_bytes())
@@ -69,7 +69,7 @@ def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path:
     ],
 )
 def test_a_failure_can_be_recorded_instead(recording: Path, name: str, layout: str, message: str) -> None:
-    """The table has no rows, its parameters and, without the folder, the reason."""
+    """The table has its parameters, no rows, and the reason without the folder's path."""
     recording.write_text(HEADER)
     out = recording.with_name("poses.parquet")
     assert run(recording.with_name(name), out, "--record-failure", layout=layout) == 0
@@ -81,8 +81,8 @@ def test_a_failure_can_be_recorded_instead(recording: Path, name: str, layout: s
     assert str(recording.parent) not in str(caught.value)
 
 
-def test_the_guides_example_is_a_recording(tmp_path: Path) -> None:
-    """What docs/recordings.md shows can be imported as it stands, and has the gap that it tells of."""
+def test_the_guides_example_recording_can_be_imported(tmp_path: Path) -> None:
+    """The example of docs/recordings.md is imported unchanged and has the gap that the page describes."""
     guide = (REPOSITORY / "docs" / "recordings.md").read_text("utf-8")
     example = tmp_path / "rom.csv"
     example.write_text(guide.split("```csv\n")[1].split("```")[0])

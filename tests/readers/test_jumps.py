@@ -1,5 +1,5 @@
-"""A jump to the mirror image is seen in a receiver's own positions, and what is carried there is none; and a
-recording that breaks within itself: who, when, and what is left; nothing is laid at another's door.
+"""Jumps of single receivers to the opposite hemisphere, and sudden changes within a recording: which
+receivers, and when.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def signs(detected: OwnSides, frame: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize("rate_hz", [40, 60, 240, 500])
-def test_jumps_are_found_to_the_frame(rate_hz: int, timed: bool) -> None:
+def test_hemisphere_jumps_are_located_to_the_frame(rate_hz: int, timed: bool) -> None:
     frame, time_s, position_mm = swinging(rate_hz)
     true = np.where((time_s > 2) & (time_s < 5.5), -1, 1)
     detected = own_sides(frame, time_s if timed else np.full(len(frame), np.nan), position_mm * true[:, None])
@@ -35,7 +35,7 @@ def test_jumps_are_found_to_the_frame(rate_hz: int, timed: bool) -> None:
 
 
 @pytest.mark.parametrize("smear", [0.3, 0.6, 0.8])
-def test_the_way_through_a_filter_is_on_no_side(smear: float) -> None:
+def test_filtered_samples_during_a_jump_are_on_neither_side(smear: float) -> None:
     frame, time_s, position_mm = swinging(240)
     true = np.where((time_s > 2) & (time_s < 5.5), -1, 1)
     seen, lagging = position_mm * true[:, None], position_mm.copy()
@@ -48,7 +48,7 @@ def test_the_way_through_a_filter_is_on_no_side(smear: float) -> None:
     assert 0 < (~sided).sum() <= 60
 
 
-def test_a_receiver_that_is_carried_past_the_transmitter_does_not_jump() -> None:
+def test_moving_past_the_transmitter_is_not_a_jump() -> None:
     frame = np.arange(240)
     position_mm = np.stack([np.linspace(-400, 400, 240), np.full(240, 60.0), np.zeros(240)], -1)
     detected = own_sides(frame, frame / 240, position_mm)
@@ -60,7 +60,7 @@ LAYOUT = read_layout("liberty16")
 SINCE = 400
 
 
-def broken(poses: Poses, position_mm: np.ndarray, quaternion: np.ndarray) -> list[Break]:
+def breaks_of(poses: Poses, position_mm: np.ndarray, quaternion: np.ndarray) -> list[Break]:
     numbers = np.concatenate([position_mm, quaternion], -1)
     links = [(joint.parent_receiver, joint.child) for joint in LAYOUT.solvable]
     names = list(poses.segments)
@@ -69,7 +69,9 @@ def broken(poses: Poses, position_mm: np.ndarray, quaternion: np.ndarray) -> lis
 
 
 def fallen(poses: Poses, *segments: str, since: int = SINCE, fall: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and quaternions where receivers hang still from their cables, after falling so long."""
+    """Return positions and quaternions of receivers that fall for `fall` frames and then hang from their
+    cables.
+    """
     position_mm, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
     count = len(position_mm) - since
     share = np.clip((np.arange(count) + 1) / fall, 0, 1)[:, None] ** 2
@@ -84,41 +86,41 @@ def fallen(poses: Poses, *segments: str, since: int = SINCE, fall: int = 1) -> t
     "segment", ["hand", "thumb_metacarpal", "ring_proximal", "index_middle", "index_distal"]
 )
 @pytest.mark.parametrize("fall", [1, 60])
-def test_a_receiver_that_falls_off_is_named(segment: str, fall: int) -> None:
+def test_a_receiver_that_falls_off_is_detected_with_its_frame(segment: str, fall: int) -> None:
     poses = hand_of(7).poses
-    (event,) = broken(poses, *fallen(poses, segment, fall=fall))
+    (event,) = breaks_of(poses, *fallen(poses, segment, fall=fall))
     assert (event.segments, event.until) == ((segment,), False)
     assert 0 <= event.frame - poses.frame[SINCE] <= (0 if fall == 1 else fall)
 
 
-def test_two_receivers_that_fall_off_are_both_named() -> None:
+def test_two_receivers_that_fall_off_are_both_detected() -> None:
     poses = hand_of(7).poses
     position_mm, quaternion = fallen(poses, "index_distal", since=300)
     later_mm, later = fallen(poses, "ring_middle", since=600)
     column = poses.index("ring_middle")
     position_mm[:, column], quaternion[:, column] = later_mm[:, column], later[:, column]
-    named = [(event.segments, event.frame) for event in broken(poses, position_mm, quaternion)]
+    named = [(event.segments, event.frame) for event in breaks_of(poses, position_mm, quaternion)]
     assert named == [(("index_distal",), poses.frame[300]), (("ring_middle",), poses.frame[600])]
-    together = broken(poses, *fallen(poses, "index_middle", "index_distal"))
+    together = breaks_of(poses, *fallen(poses, "index_middle", "index_distal"))
     assert {name for event in together for name in event.segments} == {"index_middle", "index_distal"}
 
 
 @pytest.mark.parametrize("factor", [0.001, 1 / 25.4, 0.1, 10.0])
-def test_a_unit_that_changes_is_of_all_receivers(factor: float) -> None:
+def test_a_change_of_unit_is_a_change_of_all_receivers(factor: float) -> None:
     poses = hand_of(7).poses
     position_mm = poses.position_mm.copy()
     position_mm[SINCE:] *= factor
-    (event,) = broken(poses, position_mm, poses.quaternion)
+    (event,) = breaks_of(poses, position_mm, poses.quaternion)
     assert (event.segments, event.frame, event.until) == (poses.segments, poses.frame[SINCE], False)
     assert event.grown == pytest.approx(factor, rel=0.1)
 
 
-def test_what_slips_or_jumps_for_a_while_is_no_break() -> None:
+def test_small_or_temporary_displacements_are_not_sudden_changes() -> None:
     poses = recorded(seed=7, n_frames=900)[1]
     column = poses.index("index_distal")
     slipped, away = poses.position_mm.copy(), poses.position_mm.copy()
     slipped[SINCE:, column] += 5.0
     away[SINCE : SINCE + 60, column] += 60.0
     for position_mm in (poses.position_mm, slipped, away, -poses.position_mm):
-        assert broken(poses, position_mm, poses.quaternion) == []
-    assert broken(poses, poses.position_mm, poses.quaternion[..., [1, 2, 3, 0]]) == []
+        assert breaks_of(poses, position_mm, poses.quaternion) == []
+    assert breaks_of(poses, poses.position_mm, poses.quaternion[..., [1, 2, 3, 0]]) == []

@@ -1,4 +1,4 @@
-"""Files of other trackers: poses -> file as documented -> inspection's draft, or the guide's mapping."""
+"""Files of other trackers, written as documented, are read with inspect's draft or the guide's mapping."""
 
 import itertools
 import re
@@ -20,12 +20,12 @@ SEGMENTS = ("upper_arm", "forearm", "hand")
 ROTATES = {"rotates": "receiver-to-transmitter"}
 CALLED = {f"CHECK_{tool}": segment for tool, segment in enumerate(SEGMENTS, 1)}
 Written = tuple[str, list[str], dict[str, str]]
-"""A file's name and lines, and what the draft is told for each CHECK."""
+"""A file's name and lines, and the answer to each CHECK of the draft."""
 Row = Callable[..., list[Any]]
 
 
 class Poses:
-    """Random walks of tools: mm (T, N, 3), turned (T, N, 4) wxyz, lost (T, N), time_s (T,)."""
+    """Random walks of N tools: mm (T, N, 3), turned (T, N, 4) as w, x, y, z, lost (T, N), time_s (T,)."""
 
     def __init__(self, tools: int) -> None:
         random = np.random.default_rng(1)
@@ -36,7 +36,9 @@ class Poses:
         self.lost = random.random((FRAMES, tools)) < 0.1
 
     def lines(self, mark: str, lead: Row, gap: list[Any], cells: Row) -> list[str]:
-        """Write a row a frame: what leads it, and each tool's cells or gap; numbers with seven decimals."""
+        """Return one line per frame: leading cells, then each tool's cells or gap; numbers have seven
+        decimals.
+        """
         rows = []
         for t in range(FRAMES):
             tools = zip(self.lost[t], self.turned[t], self.mm[t], strict=True)
@@ -95,7 +97,7 @@ GUIDE = {"Q0 #1": (wave, (False, "\t")), "sequence": (sequence, (False, ("Hand",
     ("write", "dress", "guide"),
     [*((*form, "") for form in FORMS), *((*form, page) for page, form in GUIDE.items())],
 )
-def test_what_is_read_is_what_was_written(
+def test_poses_of_other_trackers_are_read_as_written(
     tmp_path: Path, write: Callable[..., Written], dress: tuple[Any, ...], guide: str, tools: int
 ) -> None:
     poses = Poses(tools)
@@ -141,8 +143,8 @@ def test_an_unreadable_export_is_refused_with_the_reason(
     refuse(tmp_path / name, message)
 
 
-def test_what_is_no_pose_is_not_drafted(tmp_path: Path) -> None:
-    """A quaternion by name alone, dates, and an inertial sensor's numbers."""
+def test_columns_that_are_not_poses_are_not_drafted(tmp_path: Path) -> None:
+    """These are columns named like a quaternion, dates, and an inertial sensor's numbers."""
     random, kinds = np.random.default_rng(3), ("x", "y", "z")
     titles = ["stamp", *"xyz", "w1", "x1", "y1", "z1", "qw", "qx", "qy", "qz"]
     titles += [f"{kind}{axis}" for kind in ("a", "g", "acc2_", "gyro.", "mag_field_uT_") for axis in kinds]

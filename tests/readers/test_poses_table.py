@@ -1,4 +1,4 @@
-"""From samples to the poses table and back: order, grid, gaps, flags; spikes."""
+"""Building the poses table from samples: order, frame grid, gaps, flags and spikes."""
 
 from __future__ import annotations
 
@@ -55,8 +55,10 @@ def numbers_of(row: dict[str, Any]) -> list[float | None]:
     return [row[name] for name in ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")]
 
 
-def test_rows_follow_the_layout_on_a_full_grid_of_frames() -> None:
-    """Rows go by the layout's segments, then by frame; a row that the recording lacks is null and says so."""
+def test_rows_are_ordered_by_segment_on_a_full_frame_grid() -> None:
+    """Rows are ordered by the layout's segments, then by frame; rows missing from the recording are null and
+    flagged.
+    """
     table = table_of(samples_of(("index", 12, 0.3, GOOD), ("hand", 10, 0.1, GOOD), ("index", -5, 0.05, GOOD)))
     rows = table_rows(table)
     assert [(row["segment"], row["frame"], row["flags"]) for row in rows] == [
@@ -103,8 +105,8 @@ def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], fl
         ((0, 0, 0, 0), "all zeros .*zeros for missing values must be left empty"),
     ],
 )
-def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], message: str) -> None:
-    """The row named is the first in the file's order, not in the table's; the others are counted."""
+def test_a_quaternion_off_unit_norm_is_refused(quaternion: tuple[float, ...], message: str) -> None:
+    """The row named is the first in the file, not in the table; the number of further ones is given."""
     bad = (0.0, 0.0, 0.0, *quaternion)
     samples = samples_of(("thumb", 4, 0, GOOD), ("thumb", 3, 0, bad), ("hand", 3, 0, bad))
     with pytest.raises(InputError, match=message) as caught:
@@ -124,7 +126,7 @@ def test_two_recordings_in_one_file_are_refused() -> None:
 
 
 @pytest.mark.parametrize("unit_mm", [1.0, 25.4])
-def test_a_station_is_no_coordinate(unit_mm: float) -> None:
+def test_a_station_number_read_as_a_coordinate_is_refused(unit_mm: float) -> None:
 
     def rows(x: float, fraction: float) -> list[tuple[str, int, float, tuple[float, ...]]]:
         return [
@@ -136,7 +138,7 @@ def test_a_station_is_no_coordinate(unit_mm: float) -> None:
     assert table_of(samples_of(*rows(4.3, 0.3))).usable == (30,)
 
 
-def test_time_is_kept_as_it_is_and_flagged() -> None:
+def test_faulty_times_are_kept_and_flagged() -> None:
     times = [0.1, 0.2, NAN, 0.2, 0.15, 0.3, float("inf")]
     rows = [("thumb", frame, time, GOOD) for frame, time in enumerate(times)]
     rows_read = table_rows(table_of(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
@@ -155,7 +157,7 @@ def test_time_is_kept_as_it_is_and_flagged() -> None:
         (FROZEN_FRAMES, "both", False),
     ],
 )
-def test_a_receiver_that_never_moves_while_its_parent_does(frames: int, still: str, frozen: bool) -> None:
+def test_a_receiver_frozen_while_its_parent_moves_is_invalid(frames: int, still: str, frozen: bool) -> None:
     rows = [
         (segment, frame, frame / 240, (float(frame * (still not in (segment, "both"))), *GOOD[1:]))
         for frame in range(frames)
@@ -173,7 +175,7 @@ def write(path: Path, table: PosesTable, group_frames: int) -> None:
 
 
 def any_samples(random: np.random.Generator, order: str) -> Samples:
-    """Rows in order of frames, of segments or in none, with rows twice, gaps, marks and times that fall."""
+    """Return random rows in the given order, with duplicates, gaps, flags and decreasing times."""
     count = random.integers(1, 60)
     segment, frame = random.integers(0, len(SEGMENTS), count), random.integers(-4, 14, count)
     rows = np.lexsort(
@@ -202,10 +204,12 @@ def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
 
 @pytest.mark.parametrize("order", ["frames", "segments", "none"])
 @pytest.mark.parametrize("seed", range(4))
-def test_parts_give_the_table_of_the_whole(
+def test_a_recording_in_parts_gives_the_same_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: str, seed: int
 ) -> None:
-    """Wherever the recording is cut, and whether rows wait in memory or in files."""
+    """The bytes are the same wherever the recording is cut, and whether rows are buffered in memory or in
+    files.
+    """
     random = np.random.default_rng(seed)
     samples = any_samples(random, order)
     pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
@@ -238,7 +242,7 @@ def test_only_the_frames_of_a_spike_are_flagged(length: int, kind: str, rate_hz:
 
 
 @pytest.mark.parametrize(("end", "moved_mm"), [(240, 1e4), (16, 1e4), (11, 50.0), (10, 0.0)])
-def test_a_lasting_jump_and_a_small_one_are_no_spikes(end: int, moved_mm: float) -> None:
+def test_lasting_and_small_jumps_are_not_spikes(end: int, moved_mm: float) -> None:
     poses = swinging()
     poses[10:end, 0] += moved_mm
     assert not spikes(poses).any()

@@ -1,4 +1,6 @@
-"""Made-up studies with their results and pages, made once for all tests of the report; not to be changed."""
+"""Synthetic studies with results and pages, built once for all tests of the report; tests must not change
+them.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ from shukotsu.report.study_results import StudyResults
 
 @pytest.fixture(scope="session")
 def study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
-    """Two subjects whose truth nobody knows, under the paper's models and two that fit the whole hand."""
+    """Two subjects without a known truth, under the paper's models and two whole-hand models."""
     models = (*PAPERS, "whole-hand", SECOND_FIT)
     folder = tmp_path_factory.mktemp("study")
     return make_study(folder, models=models, n_frames=300, spoiled=(HOSTILE, "right"))
@@ -40,13 +42,13 @@ def pages(study: MadeStudy) -> dict[Path, str]:
 
 @pytest.fixture(scope="session")
 def page(pages: dict[Path, str]) -> str:
-    """Its page and its subjects', one after the other."""
+    """The study's page and its subjects' pages, concatenated."""
     return "".join(pages.values())
 
 
 @pytest.fixture(scope="session")
 def fitted_study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
-    """A simulated subject, the left hand spoiled, with models compared."""
+    """A simulated subject with a spoiled left hand, and models compared."""
     folder = tmp_path_factory.mktemp("fitted")
     made_study = make_study(folder, models=FITTED_MODELS, subjects=("S01",), simulated=True)
     compare_study(made_study.study, made_study.paths)
@@ -60,11 +62,11 @@ def fitted(fitted_study: MadeStudy) -> StudyResults:
 
 @pytest.fixture(scope="session")
 def fitted_page(fitted_study: MadeStudy) -> str:
-    """Its page and its subject's."""
+    """The fitted study's page and its subject's page, concatenated."""
     return "".join(fitted_study.pages.values())
 
 
 @pytest.fixture(scope="session")
 def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    """Twelve simulated subjects whose numbers differ, with models compared."""
+    """Twelve simulated subjects with different numbers, and models compared."""
     return many_subjects(tmp_path_factory.mktemp("twelve"), 12).results

@@ -1,4 +1,4 @@
-"""Whether to believe a joint: the words follow from the table; every kind of doubt has its sentence."""
+"""Verdicts on joints: their words follow from the table, and every kind of doubt has a sentence."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def test_every_kind_of_doubt_has_a_sentence(language: str) -> None:
         assert sentence.isascii() == (language == "en")
 
 
-def test_the_error_wanted_is_listed_for_each_layout() -> None:
+def test_the_wanted_error_is_listed_for_each_layout() -> None:
     arm, hand = read_layout("arm"), read_layout("liberty16")
     assert wanted_text([hand, hand]) == "2"
     assert wanted_text([arm, hand], 3.0) == "6 or 30"
 
 
-def _with(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
+def _with_changed_row(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
     def of(row: dict[str, Any]) -> dict[str, Any]:
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
@@ -91,15 +91,15 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
         ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no position: no frames"),
     ],
 )
-def test_belief_and_reasons_follow_the_columns_of_a_row(
+def test_verdict_and_reasons_follow_from_the_row(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
-    table = joint_table(_with(fitted, model, "index_pip", **changes), LEFT, model)
+    table = joint_table(_with_changed_row(fitted, model, "index_pip", **changes), LEFT, model)
     (row,) = (row for row in table.blocks[0].rows if ">index_pip<" in row[0] or row[0] == "index_pip")
     assert (row[1], row[-1]) == (believed, why)
 
 
-def test_the_joint_table_has_every_joint_with_its_numbers(fitted: StudyResults) -> None:
+def test_the_joint_table_lists_every_joint_with_its_numbers(fitted: StudyResults) -> None:
     rows = rows_where(fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand")
     block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
     assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Range moved [deg]")
@@ -111,7 +111,7 @@ def test_the_joint_table_has_every_joint_with_its_numbers(fitted: StudyResults) 
     assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
 
 
-def test_a_joint_a_little_less_well_known_says_what_it_serves_for(fitted: StudyResults) -> None:
+def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: StudyResults) -> None:
     layout = fitted.layouts[LEFT]
     row = {
         **rows_where(

@@ -1,4 +1,4 @@
-"""The study's tables are those of its subjects, of whole skeletons; whatever failed is a problem."""
+"""Gathering the subjects' tables into the study's, and listing failures as problems."""
 
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ CORRECTIONS = "subject hand joint dx_mm dy_mm dz_mm\n01 right thumb_ip 1 2 3\n03
 
 
 def row_of(table: Table, **values: Any) -> dict[str, Any]:
-    """A row with those values, of the others those that may not be null."""
+    """Return a row with the given values and defaults for the other non-nullable columns."""
     filled = {
         c.name: {pa.string(): "", pa.bool_(): False}.get(c.type, 1) for c in table.columns if not c.nullable
     }
@@ -52,9 +52,9 @@ def write_findings(plan: SubjectPlan, *rows: dict[str, Any], **parameters: Any) 
 
 
 def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | None = None) -> None:
-    """Write everything that is gathered: two rows of every part, and poses that stand still.
+    """Write all tables that are gathered, two rows per part, and poses without motion.
 
-    failures : of a table's parts, the message instead of rows.
+    failures : the message that replaces the rows of a table's part.
     """
     for recording in plan.recordings:
         if not recording.exclude:
@@ -88,7 +88,7 @@ def _write_parts(path: Path, table: Table, parts: list[Part], failures: dict[tup
 
 @pytest.fixture
 def plans(tmp_path: Path) -> list[SubjectPlan]:
-    """Plans of a study whose subjects have their tables."""
+    """Plans of a study whose subjects' tables are written."""
     file = write_study(tmp_path, *ROWS, models=MODELS, corrections=CORRECTIONS)
     read = [read_plan(path) for path in write_plans(file).values()]
     for plan in read:
@@ -106,7 +106,7 @@ def whose(row: dict[str, Any]) -> tuple[str, str, str]:
     return row["subject"], row["hand"], row["model"]
 
 
-def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
+def test_findings_are_problems_and_a_refused_recording_is_not_used(
     plans: list[SubjectPlan], tmp_path: Path
 ) -> None:
     finding = Finding("spikes", REFUSED, "all")
@@ -129,8 +129,10 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
 
 
 @pytest.mark.usefixtures("plans")
-def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
-    """As they stand, named once in a note; one that is called as the table's own gets a name beside it."""
+def test_further_columns_of_the_sheet_are_copied_to_the_table(tmp_path: Path) -> None:
+    """Their values are unchanged and a note names them; one with the name of a column of the table is
+    renamed.
+    """
     sheet = tmp_path / "sheets" / "recordings.tsv"
     head, *rows = sheet.read_text().splitlines()
     width = head.count("\t")
@@ -144,7 +146,7 @@ def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
     assert note.endswith("note, status")
 
 
-def test_an_unsure_clock_is_a_problem_of_its_recording(plans: list[SubjectPlan], tmp_path: Path) -> None:
+def test_an_uncertain_clock_is_a_problem_of_its_recording(plans: list[SubjectPlan], tmp_path: Path) -> None:
     hand = vars(plans[0].hand("right"))
     rows = [
         row_of(CLOCKS, **hand, task="pinch", trial=trial, status=status, message=status)
@@ -157,7 +159,7 @@ def test_an_unsure_clock_is_a_problem_of_its_recording(plans: list[SubjectPlan],
 
 
 @pytest.mark.usefixtures("plans")
-def test_gathered_tables_hold_every_whole_skeleton_in_the_sheets_order(tmp_path: Path) -> None:
+def test_gathered_tables_have_every_skeleton_in_the_sheets_order(tmp_path: Path) -> None:
     tables = gathered(tmp_path)
     hands = [("01", "right"), ("01", "left"), ("02", "right")]
     skeletons = [(*hand, model) for hand in hands for model in MODELS]
@@ -173,7 +175,7 @@ def test_gathered_tables_hold_every_whole_skeleton_in_the_sheets_order(tmp_path:
 
 
 @pytest.mark.usefixtures("plans")
-def test_a_table_says_what_it_was_gathered_from(tmp_path: Path) -> None:
+def test_a_gathered_table_records_its_sources(tmp_path: Path) -> None:
     gathered(tmp_path)
     inputs = read_metadata(tmp_path / "results/joint_centres.parquet")["inputs"]
     assert [entry["file"] for entry in inputs] == [f"sub-{n}/joint_centres.parquet" for n in ("01", "02")]
@@ -184,11 +186,11 @@ def test_a_table_says_what_it_was_gathered_from(tmp_path: Path) -> None:
     assert [layout["layout"] for layout in resolved["layouts"]] == ["liberty16"]
 
 
-def test_failed_parts_are_named_once_and_the_others_are_there(
+def test_a_failed_part_is_one_problem_and_the_others_are_gathered(
     plans: list[SubjectPlan], tmp_path: Path
 ) -> None:
-    """The same message in several tables is one problem, of the first stage that met it; a skeleton made
-    without a task is none.
+    """The same message in several tables is one problem, of the first stage that recorded it; a failed
+    skeleton made without a task is not a problem.
     """
     rigid, without = plans[0].part("right", "rigid"), plans[0].part("right", "rigid", "pinch")
     assert without in plans[0].parts()

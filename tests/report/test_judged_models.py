@@ -1,4 +1,4 @@
-"""Which model to take: by the truth, by what it has not seen, or by nothing; and how sure that is."""
+"""Which model to use: judged by the truth or by left-out receivers, with its p value, or not at all."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ OURS, PAPER = "whole-hand", "paper-fig4"
 
 @pytest.fixture(scope="module")
 def fingers(twelve: StudyResults) -> StudyResults:
-    """The same of index fingers alone, which are compared in a third of the time."""
+    """The twelve subjects' index fingers alone, which are compared in a third of the time."""
     scores = [row for row in twelve.rows.skeleton_scores if row["digit"] == "index"]
     errors = [row for row in twelve.rows.joint_errors if row["joint"].startswith("index")]
     return compared(twelve.with_rows(skeleton_scores=scores, joint_errors=errors))
 
 
 def without_truth(results: StudyResults, *, held_out: bool = True) -> StudyResults:
-    """The same recorded hands, of whom nobody knows the truth."""
+    """Return the results as those of recorded hands, without a known truth."""
     blind = dict.fromkeys(("metacarpal_deg", "true_tip_mean_mm", "true_tip_p95_mm"))
     scores = [
         {**row, **blind}
@@ -39,7 +39,7 @@ def means(results: StudyResults, metric: str) -> dict[str, float]:
     return {model: float(np.mean(list(values.values()))) for model, values in judged.values.items()}
 
 
-def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
+def test_the_truth_decides_if_it_is_known(twelve: StudyResults) -> None:
     mean = means(twelve, "error_mm")
     assert model_to_take(twelve) == (
         f"Take the model whole-hand: its joints are {mean[OURS]:.1f} mm from the true ones on average; "
@@ -47,15 +47,15 @@ def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
     )
 
 
-def test_the_model_that_is_shown_to_be_better_is_taken(fingers: StudyResults) -> None:
-    """Also where it is not the one that pages show first."""
+def test_the_model_shown_to_be_better_is_recommended(fingers: StudyResults) -> None:
+    """It is recommended even if pages show another model first."""
     swapped = [{**row, "model": {OURS: PAPER, PAPER: OURS}.get(row["model"], row["model"])}
                for row in fingers.rows.joint_errors]  # fmt: skip
     taken = model_to_take(compared(fingers.with_rows(joint_errors=swapped)))
     assert taken.startswith("Take the model paper-fig4: ")
 
 
-def test_few_subjects_test_nothing_and_say_so(fingers: StudyResults) -> None:
+def test_too_few_subjects_are_reported_and_not_tested(fingers: StudyResults) -> None:
     rows = {
         name: [row for row in getattr(fingers.rows, name) if row["subject"] in fingers.subjects[:2]]
         for name in ("skeleton_scores", "joint_errors")
@@ -64,7 +64,7 @@ def test_few_subjects_test_nothing_and_say_so(fingers: StudyResults) -> None:
     assert model_to_take(two).endswith("(2 subjects, too few to test the difference).")
 
 
-def test_a_difference_that_is_not_shown_is_reported_with_its_p(fingers: StudyResults) -> None:
+def test_an_insignificant_difference_is_reported_with_its_p(fingers: StudyResults) -> None:
     mean = means(fingers, "error_mm")
     noise = np.random.default_rng(1).normal(1.0, 0.3, 12)
     factor = dict(zip(fingers.subjects, noise, strict=True))
@@ -77,7 +77,7 @@ def test_a_difference_that_is_not_shown_is_reported_with_its_p(fingers: StudyRes
     assert "no difference is shown, p = " in model_to_take(compared(fingers.with_rows(joint_errors=alike)))
 
 
-def test_without_a_truth_hidden_receivers_judge_fitted_hands(fingers: StudyResults) -> None:
+def test_without_a_truth_left_out_receivers_judge_fitted_hands(fingers: StudyResults) -> None:
     real = without_truth(fingers)
     mean = means(real, "left_out_mean_mm")
     assert model_to_take(real).startswith(
@@ -86,8 +86,8 @@ def test_without_a_truth_hidden_receivers_judge_fitted_hands(fingers: StudyResul
     )
 
 
-def test_without_a_judging_number_no_model_is_recommended(fingers: StudyResults) -> None:
-    """Nothing held out, no model that fits the whole hand, every hand with a finding."""
+def test_without_a_deciding_number_no_model_is_recommended(fingers: StudyResults) -> None:
+    """Cases: no held-out recording, no whole-hand model, and findings in every hand."""
     seen = without_truth(fingers, held_out=False)
     assert model_to_take(seen).endswith("no recording was held out that could judge it.")
     models = {name: model for name, model in fingers.models.items() if name != OURS}
@@ -98,8 +98,8 @@ def test_without_a_judging_number_no_model_is_recommended(fingers: StudyResults)
     assert model_to_take(fingers.with_rows(problems=findings)).startswith("Resolve the findings first")
 
 
-def test_p_never_rounds_over_the_level() -> None:
-    """Two digits, unless they would say the opposite of what the sentence says."""
+def test_p_is_never_rounded_across_the_significance_level() -> None:
+    """It has two significant digits, or more if two would contradict the stated result."""
     texts = {0.0123: "p = 0.012", 0.05: "p = 0.05", 0.0502: "p = 0.0502", 0.0498: "p = 0.05", 1.0: "p = 1"}
     assert {p: p_text(p) for p in texts} == texts
     assert p_text(0.00005) == "p < 0.0001"

@@ -1,4 +1,4 @@
-"""Ranges of motion are drawn, and differences listed, as the tables have them."""
+"""Movement results: figures and tables show the numbers of the movement tables."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CALIBRATIONS = drawn.recordings(12, ("1", "2"), task="rom")
 
 @pytest.fixture(scope="module")
 def results(fitted: StudyResults, tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    """A study with tables of the movement of twelve subjects, whose other results are not theirs."""
+    """The fitted study with movement tables of twelve other subjects."""
     paths = Results(tmp_path_factory.mktemp("moved"))
     write(paths.study_table("problems"), PROBLEMS, [])
     drawn.write_movement(
@@ -50,7 +50,7 @@ def movement(results: StudyResults) -> StudyMovement:
     return read_movement(results)
 
 
-def test_a_dot_of_a_tasks_figure_is_a_subjects_mean_of_the_leading_model(
+def test_a_dot_is_a_subjects_mean_range_under_the_leading_model(
     results: StudyResults, movement: StudyMovement
 ) -> None:
     assert set(movement.ranges["model"]) == {"whole-hand"}
@@ -78,7 +78,9 @@ def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, moveme
 
 @pytest.fixture(scope="module")
 def groups_study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """The study file of these subjects, in groups by turns; it names a number and one not measured."""
+    """A study file of these subjects in alternating groups, comparing a measured and an unmeasured
+    quantity.
+    """
     folder = tmp_path_factory.mktemp("groups")
     lines = (f"{r['subject']}\t{r['session']}\tright\topposition\tboth\tx.csv\n" for r in RECORDINGS)
     (folder / "sheet.tsv").write_text("subject\tsession\thand\ttask\trole\tfile\n" + "".join(lines))
@@ -94,7 +96,9 @@ def groups_study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 def test_groups_are_compared_in_a_table_and_a_figure(
     results: StudyResults, movement: StudyMovement, groups_study: Study
 ) -> None:
-    """First what the study file names, then what differs most; each with n, mean, SD, difference and p."""
+    """Rows have n, mean, SD, difference and p: first the quantities that the study names, then the largest
+    effects.
+    """
     group, site = compared_factors(results, groups_study, movement)
     assert group.levels == "A (6 subjects) and B (6 subjects)"
     assert site.table is None
@@ -121,17 +125,19 @@ def test_groups_are_compared_in_a_table_and_a_figure(
     assert [sorted(each) for each in dots] == [pytest.approx(sorted(of.tolist())) for of in (of_a, of_b)]
 
 
-def test_groups_move_over_the_cycle_in_two_colours(
+def test_groups_have_mean_cycle_curves_in_two_colours(
     results: StudyResults, movement: StudyMovement, groups_study: Study
 ) -> None:
-    """Each subject's own mean cycle first, over sessions; a subject counts where it is measured."""
+    """A group's curve averages its subjects' mean cycles over sessions, at each percent those that were
+    measured.
+    """
     rows = pd.DataFrame(drawn.curves(RECORDINGS, FITTED_MODELS))
     rows = rows[(rows["model"] == "whole-hand") & (rows["joint"] == "index_pip")]
     own = rows.astype({"mean_deg": float}).pivot_table("mean_deg", "subject", "cycle_percent", dropna=False)
     figure, caption = study_cycles(results, movement, subject_groups(groups_study))
     assert [axes.get_title("right") for axes in figure.axes] == [
         "index_mcp, n = 5–6, 6", "index_pip, n = 5–6, 6"
-    ], "of the task alone: what calibrates is in no group's curve"  # fmt: skip
+    ], "only of the task; calibrations are not averaged"  # fmt: skip
     _, pip = figure.axes
     for line, band, n in zip(pip.lines[1:], pip.collections, (0, 1), strict=True):
         of_group = own[own.index.str[1:].astype(int) % 2 == n]
@@ -146,10 +152,10 @@ def test_groups_move_over_the_cycle_in_two_colours(
     assert "own mean cycle" in caption
 
 
-def test_without_groups_a_curve_is_of_all_subjects(results: StudyResults, movement: StudyMovement) -> None:
+def test_without_groups_a_curve_averages_all_subjects(results: StudyResults, movement: StudyMovement) -> None:
     everybody = dict.fromkeys(movement.ranges["subject"], "")
     figure, _ = study_cycles(results, movement, everybody)
-    assert [len(axes.lines) for axes in figure.axes] == [2, 2], "zero, and one mean"
+    assert [len(axes.lines) for axes in figure.axes] == [2, 2], "the zero line and one mean"
     assert figure.axes[0].get_title("right") == "index_mcp, n = 11–12"
     with pytest.raises(NoDataError, match="events, which the study’s sheet of events lists"):
         study_cycles(results, replace(movement, curves=movement.curves.iloc[:0]), everybody)
@@ -169,7 +175,7 @@ def test_an_untested_difference_states_the_reason(
     assert not [row for row in shown.blocks[0].rows if "index_pip" in row[0]]
 
 
-def test_the_methods_text_names_tests_and_subjects(results: StudyResults, movement: StudyMovement) -> None:
+def test_the_methods_text_states_tests_and_subjects(results: StudyResults, movement: StudyMovement) -> None:
     text = " ".join(methods_text(results, movement))
     assert "Movement was measured in 12 subjects by joint angles under whole-hand." in text
     assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text

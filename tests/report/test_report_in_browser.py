@@ -1,6 +1,7 @@
-"""The whole report in a real browser: from study to subject to recording, whatever people are called.
+"""The whole report in a real browser: links from study to subject to recording, with any subject names.
 
-axe-core is in .tools/node_modules, as of tests/export_tools/package.json, or where SHUKOTSU_TOOLS says.
+axe-core is read from .tools/node_modules (installed by tests/export_tools/package.json) or the folder
+SHUKOTSU_TOOLS.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ NAMES = (SCRIPT, "手 骨/%2F ' \" & #?", "plain")
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
-    """Every page of a study whose subjects have such names; the last one's left recording failed."""
+    """All pages of a study of subjects NAMES; the last one's left recording failed."""
     study = make_study(tmp_path_factory.mktemp("report"), models=PAPERS[1:3], subjects=NAMES)
     write_text(study.paths.report, study.pages[study.paths.report])
     for name in NAMES:
@@ -35,8 +36,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
     return study
 
 
-def test_from_the_study_to_every_subject_and_recording_and_back(browser: Browser, report: MadeStudy) -> None:
-    """Every step by a link that a person would click; names are shown as they are, in the sheet's order."""
+def test_links_lead_from_the_study_to_every_recording_and_back(browser: Browser, report: MadeStudy) -> None:
+    """Pages are reached by visible links only; names are shown literally, in the sheet's order."""
     names = [" ".join(name.split()) for name in NAMES]
     with watched(browser) as watch:
         watch.opened |= {report.paths.subject_page(name).as_uri() for name in NAMES}
@@ -72,8 +73,8 @@ def test_no_page_is_wider_than_its_window(browser: Browser, report: MadeStudy) -
 
 @pytest.mark.tools
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_axe_finds_nothing_serious(browser: Browser, report: MadeStudy, theme: str) -> None:
-    """In the study's page, a subject's and a recording's, with everything unfolded."""
+def test_axe_finds_no_serious_violation(browser: Browser, report: MadeStudy, theme: str) -> None:
+    """The pages of the study, a subject and a recording are checked with all details open."""
     if not AXE.is_file():
         pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
     study, paths = report.study, report.paths

@@ -1,4 +1,4 @@
-"""The pages: self-contained, harmless, complete, their numbers those of the tables; and the command."""
+"""The report's pages: self-contained, escaped, complete, with the tables' numbers; and the command."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ def _target(page: Path, link: str) -> Path:
     return Path(os.path.normpath(page.parent / unquote(link.partition("#")[0])))
 
 
-def test_pages_load_nothing(pages: dict[Path, str]) -> None:
-    """No script, style or picture from anywhere but the page itself; and a browser is told to let none."""
+def test_pages_load_nothing_from_outside(pages: dict[Path, str]) -> None:
+    """Scripts, styles and pictures are inside the page, and its content security policy forbids all
+    others.
+    """
     for page in pages.values():
         reader = read_page(page)
         (policy,) = [attrs["content"] for _, attrs in reader.tags if "http-equiv" in attrs]
@@ -54,7 +56,7 @@ def test_pages_load_nothing(pages: dict[Path, str]) -> None:
 
 
 def test_every_link_leads_to_a_file_or_anchor(pages: dict[Path, str], results: StudyResults) -> None:
-    """Entries of the contents have sections, other links pages; from the study all are reached, and back."""
+    """The study's page links to every page, and every other page back to it."""
     shown = {results.paths.recording_page(recording) for recording in results.shown}
     for path, page in pages.items():
         tags = read_page(page).tags
@@ -73,7 +75,7 @@ def test_every_link_leads_to_a_file_or_anchor(pages: dict[Path, str], results: S
 
 
 @pytest.mark.slow
-def test_hostile_names_are_text(tmp_path: Path) -> None:
+def test_hostile_names_are_escaped(tmp_path: Path) -> None:
     name = "<script>alert(1)</script> 手 ' \" </svg><img src=x onerror=y>"
     studies = (
         make_study(tmp_path / folder, models=("rigid",), n_frames=4, subjects=(subject,))
@@ -84,7 +86,7 @@ def test_hostile_names_are_text(tmp_path: Path) -> None:
     assert f"Subject {name}" in page.text
 
 
-def test_tables_have_captions_and_heads_and_pictures_titles(page: str) -> None:
+def test_tables_have_captions_and_headers_and_pictures_have_titles(page: str) -> None:
     for table in read_page(page).tables:
         assert table.caption
         headers = [cell for row in table.attributes for cell in row if cell["tag"] == "th"]
@@ -96,7 +98,7 @@ def test_tables_have_captions_and_heads_and_pictures_titles(page: str) -> None:
 
 
 def test_tables_in_cm_equal_the_parquet_table(results: StudyResults, page: str) -> None:
-    """Every cell of the study's Tables 1 to 4 is the first-frame value to the printed digit."""
+    """Every cell of the study's Tables 1 to 4 is the first-frame value, rounded to two decimals."""
     tables, starts = read_page(page).tables, {"right": 0, "left": 5}
     for subject, model in product(results.subjects, PAPERS):
         ending = f"subject {subject}, opposition, model {model}."
@@ -131,7 +133,7 @@ def test_every_problem_is_on_the_page(page: str) -> None:
 
 
 def test_a_study_without_a_usable_recording_has_a_page_with_reasons(tmp_path: Path) -> None:
-    """A study of which nothing is left still has a page that names every recording and reason."""
+    """The page names every recording and the reason why it was not used."""
     study = make_study(tmp_path, models=PAPERS[:1], n_frames=4)
     for name in STUDY_TABLES:
         write(study.paths.study_table(name), TABLES[name], [])
@@ -169,11 +171,11 @@ def test_a_study_whose_joints_all_failed_has_a_page(fitted_study: MadeStudy) -> 
         (4, 1, 0, ("Max [cm]", "0.37", "1.00", "1.06", "2.25", "3.12")),
     ],
 )
-def test_printed_tables_are_the_papers(table: int, block: int, row: int, cells: tuple[str, ...]) -> None:
+def test_printed_tables_equal_the_papers(table: int, block: int, row: int, cells: tuple[str, ...]) -> None:
     assert printed_table(table).blocks[block].rows[row] == cells
 
 
-def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
+def test_the_studys_tables_have_the_printed_tables_layout(results: StudyResults) -> None:
     trial = next(results.trials("S01"))
     table = study_table(results, trial, read_model("paper-fig3"))
     for mine, printed in zip(table.blocks, printed_table(2).blocks, strict=True):
@@ -182,10 +184,12 @@ def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_one_page_or_why_there_is_none(
+def test_the_command_writes_one_page_or_the_reason(
     study: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without results exit code 2 and a sentence; with --record-failure a page that says why."""
+    """Without results it exits with 2 and a sentence, or with --record-failure writes a page with the
+    reason.
+    """
     out = tmp_path / "deep" / "report.html"
     words = ("--study", str(study.file), "--out", str(out), "--results")
     assert report([*words, str(tmp_path)]) == 2
@@ -195,4 +199,4 @@ def test_the_command_writes_one_page_or_why_there_is_none(
     assert report([*words, str(study.folder)]) == 0
     assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
     assert list(out.parent.rglob("*")) == [out]
-    assert str(study.folder.parent) not in out.read_text("utf-8"), "no page says where it was made"
+    assert str(study.folder.parent) not in out.read_text("utf-8"), "pages do not contain the folder's path"

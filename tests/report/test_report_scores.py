@@ -1,4 +1,4 @@
-"""What the skeletons are worth, what would make them better, and where the receivers sit."""
+"""Tables of the skeletons' scores and of their errors against the truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ def _mean(rows: list[dict[str, Any]], name: str) -> str:
 
 
 def test_scores_on_the_page_are_means_of_skeleton_scores(fitted: StudyResults, fitted_page: str) -> None:
-    """Held-out rows, in-sample ones, references; every cell the mean over both hands' digits."""
+    """Rows are held-out skeletons, in-sample ones, then references; cells are means over both hands'
+    digits.
+    """
     table = table_called(fitted_page, SCORES)
     assert [row[:3] for row in table.rows] == [
         ["Skeleton", "Made from", "Held out"],
@@ -43,8 +45,10 @@ def test_scores_on_the_page_are_means_of_skeleton_scores(fitted: StudyResults, f
         assert cells[3:] == expected
 
 
-def test_the_truth_table_is_that_of_joint_errors(fitted: StudyResults, fitted_page: str) -> None:
-    """Median, 90th percentile, worst, share far off, parts, axis, bones and coverage, a row a skeleton."""
+def test_the_truth_table_summarises_joint_errors(fitted: StudyResults, fitted_page: str) -> None:
+    """Each skeleton's row has n, median, 90th percentile, maximum, share over 5 mm, axis and bone errors,
+    coverage.
+    """
     (table,) = [table for table in read_page(fitted_page).tables if table.caption.startswith(TRUTH)]
     assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [
         "Reference",
@@ -69,6 +73,6 @@ def test_the_truth_table_is_that_of_joint_errors(fitted: StudyResults, fitted_pa
         ]
 
 
-def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
+def test_without_a_truth_no_table_mentions_it(page: str) -> None:
     assert not [cell for cell in table_called(page, SCORES).rows[0] if "truth" in cell]
     assert not [table for table in read_page(page).tables if "true one" in table.caption]

@@ -1,4 +1,4 @@
-"""The study's page: its numbers are the tables', what it shows first, and how much it weighs."""
+"""The study's page: numbers from the tables, order of its contents, and size."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def fitted_study_page(fitted_study: MadeStudy) -> str:
 
 
 @given(NAMES)
-def test_links_survive_any_name(name: str) -> None:
-    """A link leads to the file of that name, and shows the name as it is."""
+def test_links_work_for_any_name(name: str) -> None:
+    """A link leads to the file of that name and shows the name literally."""
     paths = Results(Path("results/any"))
     page, target = paths.report, paths.subject_page(name)
     to = link(name, page, target)
@@ -46,7 +46,7 @@ def test_links_survive_any_name(name: str) -> None:
     assert "".join(shown.text).split() == name.split()
 
 
-def test_the_three_numbers_follow_from_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
+def test_the_headline_numbers_follow_from_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
     rows = rows_where(fitted.rows.joint_centres, model="whole-hand")
     believed = rows_where(rows, verdict="believe")
     sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
@@ -70,7 +70,7 @@ def _suspect(results: StudyResults, *hands: str) -> StudyResults:
     return results.with_rows(problems=[row | {"hand": hand} for hand in hands])
 
 
-def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
+def test_hands_with_findings_are_left_out_of_the_headline_numbers(fitted: StudyResults) -> None:
     joints, _, findings = big_numbers(_suspect(fitted, "left"))
     right = rows_where(fitted.rows.joint_centres, model="whole-hand", hand="right")
     assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
@@ -79,8 +79,8 @@ def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
     assert joints.of == "can be believed: no hand without a finding has a joint under whole-hand"
 
 
-def test_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) -> None:
-    """Also a number that is not there, and recordings that are in no statistic, read as sentences."""
+def test_headline_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) -> None:
+    """So do a missing number and recordings that are left out of all statistics."""
     suspect = _suspect(fitted, "left", "right")
     assert numbers_texts(_suspect(fitted, "left"))[2].startswith("1 of 2 hands has recordings")
     one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
@@ -92,8 +92,10 @@ def test_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) 
     )
 
 
-def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResults) -> None:
-    """In words of the hand; findings first; the measurement of a bone only where nothing else helps."""
+def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyResults) -> None:
+    """Findings come first, then movements, receivers or sizes; measuring a bone only if nothing else
+    helps.
+    """
     believed = [row | {"verdict": "believe"} for row in fitted.rows.joint_centres]
     assert (
         care_line(fitted.with_rows(joint_centres=believed)),
@@ -122,7 +124,7 @@ def test_the_terminal_says_what_is_doubted_and_what_helps_most(fitted: StudyResu
     assert "Measuring" in next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))
 
 
-def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: StudyResults) -> None:
+def test_without_errors_from_recordings_there_is_no_typical_error(fitted: StudyResults) -> None:
     by_anatomy = {"sd_mm": 25.98, **note_doubts({BY_ANATOMY: {}})}
     rows = [
         row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None})
@@ -143,10 +145,10 @@ def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: Stud
     assert f"the median of {n} {fewer.unit}, 1 sigma" in error.of
 
 
-def test_every_joint_of_every_hand_stands_in_the_picture(
-    fitted: StudyResults, fitted_study_page: str
-) -> None:
-    """Its stated error to a decimal, its verdict as a mark; the reason is told by a pointer."""
+def test_the_overview_lists_every_joint_of_every_hand(fitted: StudyResults, fitted_study_page: str) -> None:
+    """A joint's cell has its stated error to one decimal, its verdict as a mark and the reason as a
+    tooltip.
+    """
     table = table_called(fitted_study_page, "Joints of every hand, whole-hand")
     digits, parts, *rows = table.rows
     assert parts == [*["CMC", "MCP", "IP"], *["CMC", "MCP", "PIP", "DIP"] * 4, "wrist"]
@@ -165,7 +167,7 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
     assert 'title="has no position: too few frames (3)"' in fitted_study_page
 
 
-def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: dict[Path, str]) -> None:
+def test_every_subject_has_a_card_with_a_link(results: StudyResults, pages: dict[Path, str]) -> None:
     page = pages[results.paths.report]
     cards = re.findall(r'<li><a href="([^"]+)" title=.*?</li>', page, re.DOTALL)
     assert [results.paths.folder / unquote(href) for href in cards] == [
@@ -175,7 +177,7 @@ def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: di
 
 
 def test_bone_lengths_of_all_hands_are_one_table(fitted: StudyResults, fitted_study_page: str) -> None:
-    """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
+    """Each hand has a row and each bone a column, with the gathered table's lengths and marks of doubt."""
     caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
     header, *rows = table_called(fitted_study_page, caption).rows
     for row in rows:
@@ -190,7 +192,7 @@ def test_bone_lengths_of_all_hands_are_one_table(fitted: StudyResults, fitted_st
     assert differ in fitted_study_page
 
 
-def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
+def test_the_three_gravest_problems_are_shown_and_the_rest_folded(
     fitted: StudyResults, fitted_study: MadeStudy
 ) -> None:
     notes = [
@@ -230,9 +232,9 @@ def test_a_picture_that_fails_is_a_problem_of_the_page(
 
 
 @pytest.mark.slow
-def test_a_hundred_subjects_weigh_less_than_two_megabytes(tmp_path: Path) -> None:
+def test_the_page_of_a_hundred_subjects_is_under_two_megabytes(tmp_path: Path) -> None:
     hundred = many_subjects(tmp_path, 100, simulated=False)
     page = render_study(hundred.results, hundred.study)
     assert len(page.encode()) < 2_000_000
     table = table_called(page, "Joints of every hand, whole-hand")
-    assert len(table.rows) == 3 + 200  # the heads, the median, and every hand
+    assert len(table.rows) == 3 + 200  # two header rows, the median, and every hand

@@ -1,4 +1,4 @@
-"""A subject's results: the same rows as the study's, read from the subject's own tables; its pages."""
+"""A subject's results, read from the subject's own tables, and its pages."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ def hostile(tmp_path: Path) -> MadeStudy:
 
 
 @pytest.mark.slow
-def test_the_pages_are_written_or_a_sentence_says_why_not(
+def test_the_pages_are_written_or_the_reason_is_reported(
     hostile: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The subject's page and one of each recording.
-
-    Without --record-failure one sentence and exit code 2, with it a page.
+    """The subject and each recording get a page. Without a plan the command exits with 2 and one sentence, or
+    with --record-failure writes a page with it.
     """
     plan = hostile.paths.plan(HOSTILE)
     out, argv = tmp_path / "all", ["--plan", str(plan), "--out"]
@@ -43,7 +42,7 @@ def test_the_pages_are_written_or_a_sentence_says_why_not(
     assert "nothing.json: no such file" in (tmp_path / "out" / "subject.html").read_text("utf-8")
 
 
-def test_a_failed_part_is_a_problem_and_the_rest_is_shown(hostile: MadeStudy) -> None:
+def test_a_failed_part_is_listed_as_a_problem_and_the_others_are_shown(hostile: MadeStudy) -> None:
     plan = read_plan(hostile.paths.plan(HOSTILE))
     right, left = plan.part("right", "whole-hand"), plan.part("left", "whole-hand")
     row = hostile.subject(HOSTILE).joints_of[plan.hand("right"), "whole-hand"][0]

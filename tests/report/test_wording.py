@@ -1,4 +1,4 @@
-"""The report in another language: its catalogue is whole, what it says, and what stays English."""
+"""The report in another language: completeness of the catalogue, its style, and what stays English."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OTHERS = languages()[1:]
 
 
 def _extracted() -> set[str]:
-    """Return all that is to be translated, as `pybabel extract` finds it (docs/studies.md)."""
+    """Return all messages to translate, as found by `pybabel extract` (docs/studies.md)."""
     with (REPOSITORY / "babel.cfg").open(encoding="utf-8") as stream:
         methods, options = parse_mapping_cfg(stream)
     keywords = DEFAULT_KEYWORDS | {"tr": None, "N_": None, "plural": (1, 2)}
@@ -55,8 +55,8 @@ def _places(text: str) -> set[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code", OTHERS)
-def test_every_text_has_a_translation_and_every_translation_a_text(code: str) -> None:
-    """With the placeholders of its text and no markup."""
+def test_catalogue_and_texts_match_one_to_one(code: str) -> None:
+    """Translations have the placeholders of their text and no markup."""
     messages = [_texts(message) for message in _catalogue(code) if message.id]
     translated_texts, wanted = {english[0] for english, _ in messages}, _extracted()
     assert (sorted(wanted - translated_texts), sorted(translated_texts - wanted)) == ([], [])
@@ -67,8 +67,10 @@ def test_every_text_has_a_translation_and_every_translation_a_text(code: str) ->
             assert not re.search(r"[<>]", translation), english
 
 
-def test_japanese_has_one_word_for_a_thing_and_one_style() -> None:
-    """The glossary's words alone, in the report and in the guide; plain forms, full-width marks."""
+def test_japanese_uses_the_glossarys_terms_and_one_style() -> None:
+    """Report and guide avoid the terms that the glossary excludes; the report has plain forms, full-width
+    marks.
+    """
     lines = (templates.CATALOGUES / "ja.glossary.tsv").read_text("utf-8").splitlines()
     header, *terms = (line.split("\t") for line in lines)
     assert header == ["english", "japanese", "not"]
@@ -85,26 +87,26 @@ def test_japanese_has_one_word_for_a_thing_and_one_style() -> None:
     assert re.findall(r".*[ぁ-んァ-ヶ一-龥][(:;].*", report) == []
 
 
-def test_joints_have_the_fields_names_in_japanese() -> None:
+def test_joints_have_their_anatomical_names_in_japanese() -> None:
     with speaking("ja"):
         names = [word(name) for name in ("thumb_cmc", "index_mcp", "little_distal", "wrist")]
     assert names == ["母指CM関節", "示指MCP関節", "小指末節骨", "手関節"]
 
 
-def test_a_script_says_nothing_in_words_of_its_own() -> None:
+def test_scripts_contain_no_untranslated_texts() -> None:
     source = "".join(path.read_text("utf-8") for path in REPORT.rglob("*.js"))
     assert set(re.findall(r'"([a-zA-Z][a-z]+(?: [a-zA-Z]+)+[^"\n]*)"', source)) == {"use strict"}
     assert set(re.findall(r'wording\((?:[\w.]+ \? )?"(\w+)"', source)) <= templates.SCRIPT_TEXTS.keys()
 
 
-def test_a_sentence_of_another_program_stays_english_and_says_so() -> None:
+def test_untranslatable_sentences_are_marked_as_english() -> None:
     with speaking("ja"):
         page = templates.typeset(f'<p title="{translated("Rain fell")}">{translated("Rain fell & wet")}</p>')
     assert page == '<p title="Rain fell"><span lang="en">Rain fell & wet</span></p>'
 
 
-class _Said(HTMLParser):
-    """Texts of a page that are not marked as English, nor its configuration and references."""
+class _PageTexts(HTMLParser):
+    """Collects a page's texts except those marked as English, its configuration and its references."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -129,11 +131,11 @@ class _Said(HTMLParser):
 
 
 NAMES = ("Modeling of Hand Skeletal Structure", "no such file", "axis is 4 deg from the plane")
-"""A paper's title, and what refusals say of files: these stay English."""
+"""A paper's title and parts of refusals, which stay English."""
 
 
 def _english_left(page: str) -> list[str]:
-    reader = _Said()
+    reader = _PageTexts()
     reader.feed(page)
     sentence = re.compile(r"\b[a-z]+ [a-z]+ [a-z]+ [a-z]+\b")
     return [
@@ -142,7 +144,7 @@ def _english_left(page: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_nothing_of_a_japanese_report_is_left_in_english(fitted_study: MadeStudy) -> None:
+def test_a_japanese_report_has_no_english_left(fitted_study: MadeStudy) -> None:
     with speaking("ja"):
         pages = [*MadeStudy(fitted_study.file, fitted_study.folder).pages.values()]
         pages.append(recording_page(fitted_study.recording_results()))
@@ -151,10 +153,10 @@ def test_nothing_of_a_japanese_report_is_left_in_english(fitted_study: MadeStudy
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))
 
 
-def test_where_no_font_writes_the_language_only_figures_for_print_are_english(
+def test_without_a_font_only_figures_for_print_are_in_english(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """With a note that says what to install; pages, whose reader has fonts, keep their letters."""
+    """A note states which font to install; pages stay in the language, since their readers have fonts."""
     monkeypatch.setattr(style, "font_of", lambda _: None)
     assert (style.print_language("ja"), style.print_language("en"), style.font_note("en")) == ("en", "en", "")
     note = style.font_note("ja")
@@ -166,8 +168,8 @@ def test_where_no_font_writes_the_language_only_figures_for_print_are_english(
 
 
 @pytest.mark.slow
-def test_marks_beside_japanese_letters_are_full_width(fitted_study: MadeStudy) -> None:
-    """On pages and in captions; entities of HTML, and what is between Latin letters, stay as they are."""
+def test_punctuation_beside_japanese_letters_is_full_width(fitted_study: MadeStudy) -> None:
+    """HTML entities and punctuation between Latin letters are not changed."""
     with speaking("ja"):
         assert punctuated("右手, A: 4.9 mm (被験者 2 名). 骨; A &amp; 骨, B, C") == (
             "右手、A: 4.9 mm（被験者 2 名）. 骨；A &amp; 骨、B, C"

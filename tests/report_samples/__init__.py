@@ -1,1 +1,1 @@
-"""What the report's tests share: a made-up study, and a reader of the page."""
+"""Shared by the report's tests: a synthetic study, and a reader of pages."""

@@ -1,10 +1,10 @@
-"""A made-up study with its results: every subject's tables as the stages write them, then gathered.
+"""A synthetic study with results: every subject's tables as the stages write them, then gathered.
 
-Hands are the simulator's, seen through receivers that never slip: joints, bones and tips of every model are
-the true ones. Right hands have three cycles of the event "tap", in the middle of one of which nothing was
-measured. On the spoiled hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed and
-one receiver came loose. Of several subjects the last one's left recording failed. A simulated study has a
-second task, rom, that calibrates only, and a truth.
+Hands are simulated with receivers that never slip, so joints, bones and tips of every model are the true
+ones. Right hands have three cycles of the event "tap", one with a gap in its middle. On the spoiled hand the
+little DIP joint is weak and 300 mm off, the ring DIP joint failed and one receiver came loose. If there are
+several subjects, the last one's left recording failed. A simulated study has a truth and a second task, rom,
+for calibration only.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ HOSTILE = 'A & <b>"x"'
 PAPERS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected")
 FITTED_MODELS = ("paper-fig4", "whole-hand")
 SECOND_FIT = "whole-hand-b"
-"""A model as whole-hand, which is written beside the study."""
+"""A copy of the model whole-hand, written beside the study file."""
 UNSEEN, PEAK_FRAME = slice(100, 160), 217
-"""Frames without the index finger's distal receiver, and one in which fitted hands are 40 mm off."""
+"""Frames without the index finger's distal receiver, and a frame with an error of 40 mm in fitted hands."""
 NO_SOURCE = Provenance((("recording.csv", "0" * 64),), {})
 LAYOUT = read_layout("liberty16")
 ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
@@ -73,55 +73,55 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class MadeStudy:
-    """A study's file and the folder of its results."""
+    """A study file and the folder of its results."""
 
     file: Path
     folder: Path
 
     @cached_property
     def study(self) -> Study:
-        """The study's file, read."""
+        """The study read from its file."""
         return read_study(self.file)
 
     @cached_property
     def paths(self) -> Results:
-        """Where its results are."""
+        """Paths of the study's results."""
         return Results(self.folder)
 
     @cached_property
     def results(self) -> StudyResults:
-        """Its study-wide tables, read."""
+        """The study-wide tables, read."""
         return read_results(self.study, self.folder)
 
     @cached_property
     def pages(self) -> dict[Path, str]:
-        """Its page and its subjects', by path."""
+        """The study's page and its subjects' pages, by path."""
         of_subjects = {
             self.paths.subject_page(s): render_subject(self.subject(s)) for s in self.study.subjects
         }
         return {self.paths.report: render_study(self.results, self.study), **of_subjects}
 
     def subject(self, subject: str = "S01", *models: str) -> StudyResults:
-        """Return a subject's results, under those models or all."""
+        """Return a subject's results under the given models, by default all."""
         results = read_subject(read_plan(self.paths.plan(subject)))
         return replace(results, models={name: results.models[name] for name in models or results.models})
 
     def recording(self, subject: str = "S01", hand: str = "right") -> Recording:
-        """Return that hand's evaluated recording."""
+        """Return a hand's evaluated recording."""
         return next(r for r in self.study.shown if (r.hand.subject, r.hand.hand) == (subject, hand))
 
     def recording_results(self, subject: str = "S01", hand: str = "right", *models: str) -> RecordingResults:
-        """Return what a recording's page is made from."""
+        """Return the results from which a recording's page is made."""
         return read_recording(self.subject(subject, *models), self.recording(subject, hand))
 
     def motion(self, hand: str, *models: str) -> HandMotion:
-        """Return the motion of a hand of S01 under those models."""
+        """Return the motion of a hand of S01 under the given models."""
         results = self.recording_results("S01", hand, *models)
         assert results.motion is not None, (results.trouble, results.left_out)
         return results.motion
 
     def rows(self, table: Table, model: str, **wanted: Any) -> list[Row]:
-        """Return rows of a table of S01's right hand under a model, of which columns have these values."""
+        """Return the rows of S01's right hand under a model whose columns have the wanted values."""
         wanted |= {"hand": "right", "model": model}
         plan = read_plan(self.paths.plan("S01"))
         return rows_where(rows_of(read_table(plan.table(table.name, "right", model), table)), **wanted)
@@ -129,7 +129,7 @@ class MadeStudy:
 
 @cache
 def exact_hand(hand: str, n_frames: int) -> tuple[Simulated, dict[str, list[Row]]]:
-    """Return an exact recording of opposition, and the rows of its truth's tables by name."""
+    """Return an exact recording of opposition, and the rows of its tables of truth by name."""
     simulated = simulate("", hand, "opposition", 7, Realism.exact(), n_frames)
     with TemporaryDirectory() as folder:
         write_truth(Path(folder), simulated, NO_SOURCE)
@@ -147,7 +147,9 @@ def make_study(
     simulated: bool = False,
     spoiled: tuple[str, str] = ("S01", "left"),
 ) -> MadeStudy:
-    """Write a study and its results; until `compare_study` compares its models these tables are empty."""
+    """Write a study and its results; tables of model comparisons stay empty until `compare_study` is
+    called.
+    """
     sample = MadeStudy(folder / "study.yaml", folder / "results" / "made")
     second = folder / f"{SECOND_FIT}.yaml"
     if SECOND_FIT in models:
@@ -177,13 +179,13 @@ def make_study(
 
 
 def write(path: Path, table: Table, rows: Sequence[Row]) -> None:
-    """Write rows as a table of the study, texts that a row does not name empty."""
+    """Write rows as a table of the study; text columns that a row lacks are empty."""
     columns = columns_from_rows(table, [lacking_text(table) | row for row in rows])
     write_table(path, table, columns, NO_SOURCE)
 
 
 def lacking_text(table: Table) -> dict[str, str]:
-    """Return empty text for every text column."""
+    """Return an empty string for every text column, by name."""
     return {column.name: "" for column in table.columns if column.type == pa.string()}
 
 
@@ -246,7 +248,7 @@ def _write_subject(
 
 
 def cycle_rows(key: dict[str, str], part: Part) -> list[Row]:
-    """Return rows of cycle_curves of a right hand's fingers: of three cycles, of two in the middle."""
+    """Return rows of cycle_curves of a right hand's fingers: three cycles, but two from 40 to 50 %."""
     joints = [name for name in LAYOUT.joints if name.endswith(("_mcp", "_pip")) and part.hand == "right"]
     return [
         key
@@ -262,7 +264,7 @@ def cycle_rows(key: dict[str, str], part: Part) -> list[Row]:
 def _skeleton_rows(
     part: Part, model: SkeletonModel, n_frames: int, *, spoiled: bool
 ) -> tuple[list[Row], list[Row]]:
-    """Return rows of joint_centres and bone_lengths: the true ones, with errors."""
+    """Return rows of joint_centres and bone_lengths: the true values with stated errors."""
     truth = exact_hand(part.hand, n_frames)[1]
     of_model = vars(part) | {"source": "fit", "message": ""}
     of_model |= {"sd_mm": 1.234, "range_deg": 41.23, "gap_rms_mm": 0.715, "axis_plane_deg": 78.9}
@@ -270,7 +272,7 @@ def _skeleton_rows(
     unseen, joints = dict.fromkeys(numbers), list[Row]()
     rows = {row["joint"]: row for row in truth["joint_centres"]}
     for name in (*rows, *(name for name in model.own_cmc if name not in rows)):
-        if name not in rows:  # the base of a finger, which no receiver sees
+        if name not in rows:  # the CMC joint of a finger, which no receiver measures
             base = rows[name.replace("cmc", "mcp")]
             on_hand = {column: 0.2 * base[column] for column in numbers if column.startswith("parent_")}
             row = base | of_model | unseen | on_hand
@@ -300,7 +302,9 @@ def _skeleton_rows(
 
 
 def _tip_errors_mm(model: SkeletonModel, n_frames: int, *, spoiled: bool) -> np.ndarray:
-    """Return errors (T, 5) of the replay: smooth, a few mm, gross where the little DIP joint is off."""
+    """Return errors (T, 5) of the replay in mm: smooth and small, but gross if the little DIP joint is
+    off.
+    """
     level = np.array([*LEVELS_MM.values()])
     level[4] *= 15.0 if spoiled and not model.planes.corrections else 1.0
     level[1:] *= 20.0 if model.metacarpals.unmeasured == "rest" else 1.0
@@ -333,7 +337,9 @@ def _tip_error_rows(key: dict[str, str], error_mm: np.ndarray, *, spoiled: bool)
 def _write_fit(
     plan: SubjectPlan, part: Part, key: dict[str, str], n_frames: int, error_mm: np.ndarray
 ) -> None:
-    """Write the long tables of a fit: bones and tips as they truly were, the index finger's with its gap."""
+    """Write the fit's tables of all frames: true bones and tips, and joint angles, with the index finger's
+    gap.
+    """
     truth = exact_hand(part.hand, n_frames)[0].truth
     bone_mm = truth.bone_position_mm.copy()
     bone_mm[UNSEEN, BONES.index("index_middle")] = np.nan
@@ -362,7 +368,9 @@ def _by_axis(name: str, position_mm: np.ndarray) -> dict[str, np.ndarray]:
 def _write_long(
     writer: Any, part: Part, key: dict[str, str], of: Sequence[str], n_frames: int, **numbers: np.ndarray
 ) -> None:
-    """Write numbers (T, N) of a recording, by name of the N things and frame; a column not named is null."""
+    """Write numbers (T, N) of a recording, a row per frame and joint, segment or digit `of`; the rest is
+    null.
+    """
     table: Table = writer._table
     recorded = exact_hand(part.hand, n_frames)[0]
     columns: dict[str, Any] = {c.name: np.full(n_frames * len(of), np.nan) for c in table.columns}
@@ -380,7 +388,9 @@ TRUE_SCORES = ("metacarpal_deg", "true_tip_mean_mm")
 def score_rows(
     key: dict[str, str], models: Sequence[SkeletonModel], *, simulated: bool, spoiled: bool
 ) -> list[Row]:
-    """Return rows of skeleton_scores: in-sample skeletons, with a truth held-out ones, then references."""
+    """Return rows of skeleton_scores: in-sample skeletons, held-out ones if there is a truth, and
+    references.
+    """
     skeletons: list[tuple[str, str, bool, bool, list[float | None]]] = []
     for rank, model in enumerate(models):
         base = 0.7 + 0.1 * rank
@@ -410,7 +420,7 @@ def score_rows(
 
 
 def joint_error_rows(models: Sequence[str], *, spoiled: bool) -> list[Row]:
-    """Return rows of joint_errors: each model made from either task, and prior-only without stated error."""
+    """Return rows of joint_errors: each model made from each task, and prior-only without stated errors."""
     rows: list[Row] = []
     optional = {name for name, segment in LAYOUT.segments.items() if segment.optional}
     seen = [each.name for each in LAYOUT.solvable if not {each.parent_receiver, each.child} & optional]
@@ -451,7 +461,7 @@ def receiver_rows(*, spoiled: bool) -> list[Row]:
 
 
 def gain_rows() -> list[Row]:
-    """Return rows of gains, best first; the sixth and last must not be told."""
+    """Return rows of gains, best first; the sixth and last must not be reported."""
     quantities = ("middle_proximal.lateral", "ring.touch", "ring_middle.along", "index_distal")
     rows: list[Row] = []
     for index, quantity in enumerate((*quantities, "thumb_proximal.height", "little_middle.distal")):
@@ -463,7 +473,7 @@ def gain_rows() -> list[Row]:
 
 
 def pull_rows(hand: str) -> list[Row]:
-    """Return rows of length_pulls of two bones, 1.5 and 3 mm longer left than right."""
+    """Return rows of length_pulls of two bones that are 1.5 and 3 mm longer on the left hand."""
     length = {"index_middle": 24.0, "index_proximal": 42.0}
     more = {"index_middle": 1.5, "index_proximal": 3.0}
     return [
@@ -486,7 +496,7 @@ SCALED = ("skeleton_scores", "joint_errors", "bone_lengths")
 def many_subjects(
     folder: Path, n_subjects: int, models: Sequence[str] = FITTED_MODELS, *, simulated: bool = True
 ) -> MadeStudy:
-    """Write a study whose subjects are one, its numbers scaled; only the first has tables of its own."""
+    """Write a study whose subjects are scaled copies of one; only the first has tables of its own."""
     sample = make_study(folder, models=models, subjects=(FIRST,), simulated=simulated)
     rng = np.random.default_rng(3)
     names = [f"S{index + 1:03}" for index in range(n_subjects)]
@@ -515,7 +525,7 @@ def many_subjects(
 
 
 def compared(results: StudyResults) -> StudyResults:
-    """Return the results with their models compared anew, every column as the tables have it."""
+    """Return the results with their models compared again, with all columns of the tables."""
     models = compare_models(scored_study(results))
     empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
     differences = [empty | row for row in models.differences]
@@ -523,7 +533,7 @@ def compared(results: StudyResults) -> StudyResults:
 
 
 def scored_study(results: StudyResults) -> ScoredStudy:
-    """Return what the stage reads of these results."""
+    """Return the tables of these results that the comparison stage reads."""
     tables = {
         "skeleton_scores": results.counted(results.rows.skeleton_scores),
         "joint_errors": results.counted(results.rows.joint_errors),

@@ -1,4 +1,4 @@
-"""Pages read back, as tables and tags, and one of a moving hand alone."""
+"""Reading pages back as tables and tags, and a page with a moving hand alone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ReadTable:
 
 
 class PageReader(HTMLParser):
-    """Collects tables and visible text; fails where tags are not nested."""
+    """Collects tables and visible text; fails if tags are not properly nested."""
 
     def __init__(self) -> None:
         super().__init__(convert_charrefs=True)
@@ -52,7 +52,7 @@ class PageReader(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        """Text goes to its cell or caption, and to the whole."""
+        """Add text to its cell or caption and to the page's text."""
         if self.open and self.open[-1] not in ("style",):
             self.text.append(data)
         if "caption" in self.open:
@@ -62,12 +62,12 @@ class PageReader(HTMLParser):
 
 
 def rows_where(rows: Iterable[dict[str, Any]], **wanted: Any) -> list[dict[str, Any]]:
-    """The rows of a table whose columns have these values."""
+    """Return the rows whose columns have the wanted values."""
     return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
 
 
 def read_page(page: str) -> PageReader:
-    """Read a page; AssertionError where its tags are not nested."""
+    """Read a page; AssertionError if its tags are not properly nested."""
     reader = PageReader()
     reader.feed(page)
     reader.close()
@@ -76,7 +76,7 @@ def read_page(page: str) -> PageReader:
 
 
 def table_called(page: str, caption: str) -> ReadTable:
-    """The one table with that caption."""
+    """Return the only table with a caption."""
     (captioned,) = [table for table in read_page(page).tables if table.caption == caption]
     return captioned
 

@@ -1,6 +1,7 @@
-"""Run the guide's notebook on the results in a folder, print what it prints, and keep its picture.
+"""Run the guide's notebook on the results in a folder, print its output and save its picture.
 
 After `make demo` and `make site`:
+
 .venv/bin/python tests/report_samples/run_notebook.py . notebook.png
 """
 
@@ -17,7 +18,7 @@ NOTEBOOK = Path(__file__).resolve().parents[2] / "docs" / "notebooks" / "which-j
 
 
 def main(folder: str, picture: str) -> None:
-    """Run every cell in that folder; a cell that fails ends this with its traceback."""
+    """Run every cell in a folder; a failing cell ends the script with its traceback."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbformat.validate(notebook)
     resources = {"metadata": {"path": folder}}

@@ -1,4 +1,4 @@
-"""Screenshots of the guide: of the demo study's report, and of the coach's page.
+"""Screenshots for the guide: the demo study's report and the coach's page.
 
 After `make demo`: PYTHONPATH=.:tests .venv/bin/python -m report_samples.screenshots
 """
@@ -30,11 +30,13 @@ SCREENSHOTS = {
     "curves": (RECORDING, "#cycles", 600, "true"),
     "viewer": (RECORDING, ".viewer", 590, DRAWN),
 }
-"""By file: the page, a selector of where it begins, its height in CSS pixels and what to wait for."""
+"""By file name: the page, a selector of its top edge, its height in CSS pixels and the condition to wait
+for.
+"""
 
 
 def write_coached_page(page: Path) -> None:
-    """Write the coach's page 14 s into a simulated calibration; here it does not load itself again."""
+    """Write the coach's page 14 s into a simulated calibration, without its automatic refresh."""
     coach = Coach(hand_alone(None, "right"))
     coach.take(recorded(seed=7001, n_frames=3360)[1])
     write_page(page, coach, "03_right_rom.arrows, right hand")

@@ -1,4 +1,4 @@
-"""How far two estimates of one bone may differ: against drawn people, noise and receivers' places."""
+"""The expected difference of two estimates of a bone length, against simulated people and noise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GROUPS = ("length", "scale", "slide x", "mount")
 RNG = np.random.default_rng(5)
 ROW = np.array([1.4, 0.8, 0.0, 0.0])
 DATA = RNG.normal(size=(3, 4)), 1.7 * RNG.normal(size=(2, 4))
-"""Of two recordings: what each says of four unknowns, in units of its noise."""
+"""Design matrices of two recordings for four unknowns, in units of the noise."""
 
 
 def estimate(data: np.ndarray, session: str, hand: str, *recordings: str, whole: bool = True) -> Estimate:
@@ -23,8 +23,10 @@ def estimate(data: np.ndarray, session: str, hand: str, *recordings: str, whole:
     return Estimate(session, hand, frozenset(recordings), whole, 40.0, sd_mm, pulls)
 
 
-def drawn_difference_mm(n_same: int) -> float:
-    """Sd of what two fits of drawn people differ by; n_same : of the unknowns, that both have in common."""
+def simulated_difference_mm(n_same: int) -> float:
+    """Return the sd of the difference between two fits of simulated people; n_same : number of shared
+    unknowns.
+    """
     x = RNG.normal(size=(2, N_DRAWN, 4))
     x[1, :, :n_same] = x[0, :, :n_same]
     fitted = []
@@ -35,15 +37,17 @@ def drawn_difference_mm(n_same: int) -> float:
 
 
 @pytest.mark.parametrize(("across", "n_same"), [("recording", 4), ("session", 3), ("hand", 2)])
-def test_estimates_differ_by_what_is_drawn_anew(across: str, n_same: int) -> None:
+def test_the_expected_difference_is_that_of_simulated_estimates(across: str, n_same: int) -> None:
     first, second = (estimate(data, "1", "right") for data in DATA)
     side_mm = SIDE_SD * 40.0 if across == "hand" else 0.0
-    expected = np.hypot(drawn_difference_mm(n_same), side_mm)
+    expected = np.hypot(simulated_difference_mm(n_same), side_mm)
     assert difference_sd_mm(first, second, across) == pytest.approx(expected, rel=0.02)
 
 
-def test_only_what_has_nothing_in_common_is_compared() -> None:
-    """Two sessions, two hands, two recordings; not a hand with itself, nor two things at once."""
+def test_only_estimates_that_differ_in_one_respect_are_compared() -> None:
+    """Pairs differ in session, hand or recording; not in several of these, nor is a hand compared with
+    itself.
+    """
     data = DATA[0]
     estimates = [
         estimate(data, "1", "right", "rom", "grasp"),

@@ -1,4 +1,4 @@
-"""Comparing models across subjects: what counts, what is missing, and which are corrected together."""
+"""Comparing models across subjects: averaging, missing numbers, and correction for multiple tests."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ PAIR = ("whole-hand", "paper-fig4")
 JOINT_ERROR, _, TRUE_TIP, _, REPLAY = METRICS
 
 
-def seen_of(values: Iterable[Sequence[float]], digit: str = "index") -> list[Observation]:
-    """One place a subject: the numbers of PAIR."""
+def observations_of(values: Iterable[Sequence[float]], digit: str = "index") -> list[Observation]:
+    """Return one observation per subject and model of PAIR."""
     return [
         Observation(f"S{subject:02}", model, digit, "right hand, rom", value)
         for subject, numbers in enumerate(values)
@@ -45,7 +45,7 @@ def compare(
     models: Sequence[str] = PAIR,
     subjects: Sequence[str] = (),
 ) -> ComparedModels:
-    """Compare made-up observations by TRUE_TIP, with paper-fig4 as the baseline."""
+    """Compare given observations by TRUE_TIP, with paper-fig4 as the baseline."""
     frame = pd.DataFrame(seen, columns=Observation._fields)
     monkeypatch.setattr(comparisons, "METRICS", (TRUE_TIP,))
     monkeypatch.setattr(comparisons, "observations", lambda *_, **__: frame)
@@ -68,7 +68,7 @@ def differences(compared: ComparedModels, digit: str = ALL_DIGITS) -> dict[str, 
 
 
 def missing(compared: ComparedModels, subject: str) -> dict[str, dict[str, int]]:
-    """Why a subject's numbers over all digits are not there, by model."""
+    """Return the reasons for a subject's missing numbers over all digits, by model."""
     return {
         row["model"]: json.loads(row["missing"])
         for row in compared.values
@@ -76,9 +76,9 @@ def missing(compared: ComparedModels, subject: str) -> dict[str, dict[str, int]]
     }
 
 
-def test_a_subject_counts_once_however_much_was_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hands, tasks and digits of one subject are averaged before subjects are."""
-    seen = seen_of([(1.0, 2.0), (2.0, 2.0), (2.0, 4.0)])
+def test_a_subject_counts_once_with_any_number_of_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hands, tasks and digits are averaged within a subject before subjects are averaged."""
+    seen = observations_of([(1.0, 2.0), (2.0, 2.0), (2.0, 4.0)])
     seen += [
         Observation("S00", model, digit, recording, value)
         for digit, recording in product(("index", "ring"), ("left hand, rom", "right hand, grip, trial 2"))
@@ -94,8 +94,8 @@ def test_a_subject_counts_once_however_much_was_recorded(monkeypatch: pytest.Mon
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=8), st.integers(0, 2))
-def test_every_subject_is_listed(there: list[tuple[bool, bool]], more: int) -> None:
-    """Compared, or with each model that is missing and the reason."""
+def test_every_subject_is_compared_or_listed_as_missing(there: list[tuple[bool, bool]], more: int) -> None:
+    """A subject that is not compared has the reason for each missing model."""
     seen = [
         Observation(f"S{k:02}", model, "index", "rom", 1.0 if scored else None, "" if scored else "why")
         for k, pair in enumerate(there)
@@ -118,9 +118,11 @@ def test_every_subject_is_listed(there: list[tuple[bool, bool]], more: int) -> N
 
 
 def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over all digits, and digit by digit, also those that cannot be significant; none without a subject."""
-    seen = seen_of([(1.0, 2.0 + 0.1 * s) for s in range(8)])
-    seen += seen_of([(1.0, 2.0), (1.0, 3.0)], "ring")
+    """Comparisons over all digits and those of single digits are two families, which include comparisons with
+    too few subjects but none without any.
+    """
+    seen = observations_of([(1.0, 2.0 + 0.1 * s) for s in range(8)])
+    seen += observations_of([(1.0, 2.0), (1.0, 3.0)], "ring")
     seen += [Observation("S00", "rigid", "thumb", "right hand, rom", 3.0)]
     rows = with_baseline(compare(seen, monkeypatch, (*PAIR, "rigid")))
     assert rows[PAIR[0], ALL_DIGITS]["p_holm"] == pytest.approx(2 / 256)
@@ -133,7 +135,7 @@ def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.M
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
-    """Return a simulated study with a model that fits the whole hand."""
+    """A simulated study with a whole-hand model."""
     folder = tmp_path_factory.mktemp("fitted")
     return make_study(folder, models=FITTED_MODELS, subjects=("S01",), simulated=True)
 
@@ -148,8 +150,8 @@ def seen_in(results: StudyResults, metric: Metric, *names: str, held_out: bool =
 
 
 @pytest.mark.parametrize("held_out", [True, False])
-def test_a_study_is_compared_as_its_rows_say(fitted: StudyResults, held_out: bool) -> None:
-    """The subject's mean over hands and digits of the rows of one kind."""
+def test_compared_numbers_are_those_of_the_scores(fitted: StudyResults, held_out: bool) -> None:
+    """The mean over a subject's hands and digits is that of the held-out or the other rows."""
     seen = seen_in(fitted, TRUE_TIP, *PAIR, held_out=held_out)
     assert list(dict.fromkeys(seen["digit"])) == ["thumb", "index", "middle", "ring", "little"]
     for model in PAIR:
@@ -159,8 +161,8 @@ def test_a_study_is_compared_as_its_rows_say(fitted: StudyResults, held_out: boo
     assert set(seen.loc[seen["value"].isna(), "reason"]) == {"joint ring_dip failed"}
 
 
-def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResults) -> None:
-    """Made from rom, which alone is held out here, not from opposition; a reference was made from nothing."""
+def test_joint_errors_are_those_of_the_judged_skeletons(fitted: StudyResults) -> None:
+    """Held-out skeletons are those made from rom, not from opposition; a reference has no calibration."""
     rows = [
         {**row, "error_mm": row["error_mm"] + 100.0}
         if row["calibrated_on"] == "opposition" and row["error_mm"] is not None
@@ -181,8 +183,8 @@ def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResult
 
 
 @pytest.mark.slow
-def test_tables_are_written_and_a_suspect_hand_is_in_none(study: MadeStudy, tmp_path: Path) -> None:
-    """By the stage: with a finding against a hand of the subject, what is left are the other's recordings."""
+def test_the_stage_writes_tables_without_suspect_hands(study: MadeStudy, tmp_path: Path) -> None:
+    """With a suspect finding on one hand, only recordings of the other hand are compared."""
     results = Results(Path(shutil.copytree(study.folder, tmp_path / "results")))
 
     def count() -> int:

@@ -1,4 +1,4 @@
-"""The stage from a subject's tables to both of its own: a skeleton of the paper's and a fitted hand."""
+"""The evaluate_skeletons stage on one of the paper's skeletons and a fitted hand."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ Results = tuple[list[Row], list[Row]]
 
 @pytest.fixture(scope="module")
 def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    """Seed 4, right hand; paper-fig4 and a whole hand, made from both tasks and without the evaluated one."""
+    """A right hand with paper-fig4 and a whole-hand model, made from all tasks and without the evaluated
+    one.
+    """
     folder = tmp_path_factory.mktemp("subject")
     recordings = [("right", "rom", "calibration"), ("right", "opposition", "both")]
     planned = planned_subject(folder, recordings, ["paper-fig4", "quick"], n_frames=N_FRAMES)
@@ -65,7 +67,7 @@ def of(rows: list[Row], model: str, calibrated_on: str = "rom") -> dict[str, Row
 
 
 def changed(path: Path, change: Callable[[Part, list[Row]], str]) -> None:
-    """Write a subject table again, each part changed: its rows, or failed with the message that is given."""
+    """Rewrite a table; `change` edits a part's rows in place or returns the message of its failure."""
     table = table_in(path.stem)
     metadata = part_metadata(path, table)
     rows = {part: list(rows_of(read_part(path, table, part))) for part in metadata}
@@ -77,8 +79,8 @@ def changed(path: Path, change: Callable[[Part, list[Row]], str]) -> None:
                 write.rows(part, part_rows, **metadata[part])
 
 
-def test_every_skeleton_and_reference_has_its_rows(results: Results) -> None:
-    """A row for every digit and skeleton, and it says whether the recording was held out."""
+def test_every_skeleton_and_reference_has_a_row_per_digit(results: Results) -> None:
+    """Each row states whether the recording was held out."""
     scores, errors = results
     for table, rows in ((SKELETON_SCORES, scores), (JOINT_ERRORS, errors)):
         keys = [tuple(row[name] for name in table.key) for row in rows]
@@ -94,8 +96,8 @@ def test_every_skeleton_and_reference_has_its_rows(results: Results) -> None:
     assert {row["message"] for row in scores} == {""}
 
 
-def test_a_fitted_hand_is_built_of_what_its_fit_says(subject: PlannedSubject) -> None:
-    """Joints, lengths and postures are handed on; gaps stay gaps."""
+def test_a_fitted_hands_tables_equal_those_of_its_fit(subject: PlannedSubject) -> None:
+    """Joints, lengths and metacarpal postures are copied, including gaps."""
     part, fitted = subject.part("quick"), subject.fit_folder()
     for name, table, key, columns in (
         ("fitted_joints", "joint_centres", "joint", ("child_x_mm", "parent_x_mm", "status")),
@@ -115,7 +117,7 @@ def test_a_fitted_hand_is_built_of_what_its_fit_says(subject: PlannedSubject) ->
         assert (row["flags"] == "gap") == (expected[0] is None)
 
 
-def test_the_replays_numbers_are_those_of_tip_errors(subject: PlannedSubject, results: Results) -> None:
+def test_the_replays_scores_equal_tip_errors(subject: PlannedSubject, results: Results) -> None:
     part = subject.part("paper-fig4", "opposition")
     for row in subject.rows(subject.plan.table("tip_errors"), "tip_errors", part):
         if row["binding"] == "least-squares":
@@ -125,8 +127,8 @@ def test_the_replays_numbers_are_those_of_tip_errors(subject: PlannedSubject, re
             assert (score["posed_mean_mm"], score["n_frames"]) == (None, row["n_frames"])
 
 
-def test_tips_and_metacarpals_against_the_truth(subject: PlannedSubject, results: Results) -> None:
-    """The same numbers from whole tables, read and compared without the stage."""
+def test_scores_against_the_truth_equal_direct_comparisons(subject: PlannedSubject, results: Results) -> None:
+    """Tip errors are recomputed from the tables of tips and of the truth."""
     true = read_table(subject.truth("opposition") / "tips.parquet", TIPS).to_pandas()
     for model, path in (
         ("paper-fig4", subject.plan.table("tips")),
@@ -144,9 +146,9 @@ def test_tips_and_metacarpals_against_the_truth(subject: PlannedSubject, results
             assert 0 < row["metacarpal_deg"] < 30
 
 
-def test_a_fitted_hand_knows_the_end_of_its_bones(results: Results) -> None:
-    """Fitted hand and true skeleton beat the distal receiver and the paper's skeleton at the true tip, and
-    the left-out error is larger than the posed one.
+def test_a_fitted_hand_predicts_the_true_tips(results: Results) -> None:
+    """The fitted hand is closer to the true tips than the distal receivers and the paper's skeleton are, and
+    its left-out error is larger than its posed error.
     """
     mean = {
         model: np.mean([row["true_tip_mean_mm"] for row in of(results[0], model).values()])
@@ -161,8 +163,8 @@ def test_a_fitted_hand_knows_the_end_of_its_bones(results: Results) -> None:
         assert all(0 < row["wrist_mcp_sd_mm"] < 5 for row in of(results[0], model).values())
 
 
-def test_joints_are_held_against_the_truth(subject: PlannedSubject, results: Results) -> None:
-    """Every solved joint under every model and the prior; the numbers are those of the tables."""
+def test_joints_are_compared_with_the_truth(subject: PlannedSubject, results: Results) -> None:
+    """Every solved joint is compared under every model and the prior; errors equal those from the tables."""
     table = read_table(subject.truth("rom") / "joint_centres.parquet", JOINT_CENTRES)
     true = {row["joint"]: row for row in rows_of(table)}
     by_model: dict[str, dict[str, Row]] = {}
@@ -190,8 +192,8 @@ def test_joints_are_held_against_the_truth(subject: PlannedSubject, results: Res
     assert np.median([row["error_mm"] for row in by_model["quick"].values()]) < 2.5
 
 
-def test_parts_that_failed_cost_their_numbers(subject: PlannedSubject, tmp_path: Path) -> None:
-    """Rows and reasons stay, and the other skeletons' numbers."""
+def test_failed_parts_lose_only_their_own_numbers(subject: PlannedSubject, tmp_path: Path) -> None:
+    """Their rows remain with the reasons, and the other skeletons keep their numbers."""
     copy = subject.copied(tmp_path)
     paper = copy.part("paper-fig4", "opposition")
     for name, message in (("joint_centres", "the dog ate it"), ("tips", "no tips")):

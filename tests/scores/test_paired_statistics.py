@@ -1,6 +1,6 @@
-"""Paired differences, Holm's correction and repeatability against other formulations of the same.
+"""Paired differences, Holm's correction and repeatability against independent formulations.
 
-pingouin's are read where .tools, or the folder that SHUKOTSU_TOOLS names, has it; see CONTRIBUTING.md.
+pingouin is used if it is installed in .tools or the folder SHUKOTSU_TOOLS; see CONTRIBUTING.md.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from shukotsu.scores.paired_statistics import (
 
 
 def test_holm_by_hand() -> None:
-    """0.01 x 4, 0.02 x 3, 0.03 x 2 raised to the one before, 0.9; no test stays none and does not count."""
+    """Factors are 4, 3, 2 and 1, and values do not decrease; None (no test) stays None and is not counted."""
     corrected = holm([0.02, None, 0.9, 0.01, 0.03])
     assert corrected == [
         pytest.approx(0.06),
@@ -49,8 +49,8 @@ SKEWED = np.array([-0.9, -0.5, -0.45, -0.3, -0.2, -0.15, -0.1, 0.02, 0.3])
 
 
 @pytest.mark.parametrize("n", [2, 5, 9])
-def test_exact_p_is_scipys(n: int) -> None:
-    """Enumerated sign flips of the mean, as scipy permutes samples of one pair each."""
+def test_exact_p_equals_scipys(n: int) -> None:
+    """All sign flips of the mean are enumerated, like scipy's permutations of single pairs."""
     d = SKEWED[:n]
     expected = stats.permutation_test(
         (d,), lambda x, axis: np.mean(x, axis=axis), permutation_type="samples", n_resamples=np.inf
@@ -59,7 +59,7 @@ def test_exact_p_is_scipys(n: int) -> None:
 
 
 def test_exact_p_counts_ties() -> None:
-    """Flips that reach the same sum count, though their sums differ by rounding."""
+    """Flips with the same sum count although their sums differ by rounding."""
     d = np.array([0.1, 0.2, 0.3, -0.3, 0.7, 0.1])
     sums = [
         abs(sum(s * round(10 * x) for s, x in zip(signs, d, strict=True)))
@@ -70,8 +70,8 @@ def test_exact_p_counts_ties() -> None:
 
 
 @pytest.mark.parametrize("n", [14, 15, 20])
-def test_random_flips_are_near_the_exact_p(n: int) -> None:
-    """Within Monte Carlo error of the enumeration, which sums one subject after the other."""
+def test_the_p_of_random_flips_is_near_the_exact_p(n: int) -> None:
+    """It is within Monte Carlo error of the enumeration of all flips."""
     d = np.random.default_rng(5).normal(0.4, 1.0, n)
     sums = np.zeros(1)
     for value in d:
@@ -83,7 +83,9 @@ def test_random_flips_are_near_the_exact_p(n: int) -> None:
 
 
 def test_effect_size_by_hand() -> None:
-    """Mean 3, SD sqrt(2.5), and the correction for 4 degrees of freedom, gamma(2) / (sqrt(2) gamma(1.5))."""
+    """The mean is 3, the SD sqrt(2.5), the correction for 4 degrees of freedom gamma(2) / (sqrt(2)
+    gamma(1.5)).
+    """
     d = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
     correction = 1.0 / (math.sqrt(2.0) * math.sqrt(math.pi) / 2)
     assert paired_difference(d).effect == pytest.approx(3.0 / math.sqrt(2.5) * correction)
@@ -99,7 +101,7 @@ def test_an_interval_is_students_and_needs_six_subjects() -> None:
 
 
 @pytest.mark.parametrize(("size", "freedom", "n_effective"), [(0.8, 5, 6), (-1.4, 18, 5), (0.0, 11, 12)])
-def test_effect_interval_is_where_scipys_noncentral_t_has_its_tails(
+def test_the_effects_interval_is_that_of_scipys_noncentral_t(
     size: float, freedom: int, n_effective: float
 ) -> None:
     t = size * math.sqrt(n_effective)
@@ -122,23 +124,23 @@ def test_iccs_of_shrout_and_fleiss() -> None:
     assert icc.consistency.interval == pytest.approx((0.34, 0.95), abs=0.005)
 
 
-def test_mean_squares_are_those_of_least_squares() -> None:
-    """What is left of the values when subjects, sessions or both are fitted."""
+def test_mean_squares_equal_those_of_least_squares() -> None:
+    """They are computed from the residuals after fitting subjects, sessions or both."""
     n, k = JUDGES.shape
     of_rows, of_columns = np.kron(np.eye(n), np.ones((k, 1))), np.kron(np.ones((n, 1)), np.eye(k))
 
-    def left(design: np.ndarray) -> float:
+    def residual(design: np.ndarray) -> float:
         fitted = design @ np.linalg.lstsq(design, JUDGES.ravel(), rcond=None)[0]
         return float(((JUDGES.ravel() - fitted) ** 2).sum())
 
-    both = left(np.hstack([of_rows, of_columns]))
+    both = residual(np.hstack([of_rows, of_columns]))
     assert mean_squares(JUDGES) == pytest.approx(
-        ((left(of_columns) - both) / 5, (left(of_rows) - both) / 3, both / 15)
+        ((residual(of_columns) - both) / 5, (residual(of_rows) - both) / 3, both / 15)
     )
 
 
-def test_a_shift_that_all_share_is_consistent_and_no_agreement() -> None:
-    """Without any rest the ICC is the limit of that with a small one, its interval too."""
+def test_a_common_shift_is_consistent_but_not_in_agreement() -> None:
+    """Without residuals the ICC and its interval are the limits for small residuals."""
     values = np.arange(6.0)[:, None] + np.array([0.0, 3.0])
     icc = reliability(values)
     assert icc.consistency.value == 1.0
@@ -151,7 +153,7 @@ def test_a_shift_that_all_share_is_consistent_and_no_agreement() -> None:
 
 
 @pytest.mark.parametrize(("n", "m", "spread"), [(4, 9, 3.0), (12, 5, 0.2), (2, 2, 1.0), (6, 4, 0.0)])
-def test_the_interval_of_two_groups_is_welchs(n: int, m: int, spread: float) -> None:
+def test_the_interval_of_two_groups_equals_welchs(n: int, m: int, spread: float) -> None:
     rng = np.random.default_rng(n)
     first, other = rng.normal(1.0, 1.0, n), rng.normal(0.0, spread, m)
     welch = stats.ttest_ind(first, other, equal_var=False).confidence_interval(0.95)
@@ -168,7 +170,7 @@ ROUNDING = 1e-9
 
 
 def of_others(program: str, asked: dict[str, Any]) -> Any:
-    """What a program says; the test is skipped where it is absent."""
+    """Return another program's results; skip the test if it is not installed."""
     tools = Path(os.environ.get("SHUKOTSU_TOOLS", TESTS.parent / ".tools"))
     python = tools / "python" / "bin" / "python"
     if not list(python.parents[1].glob(f"lib/*/site-packages/{program}")):

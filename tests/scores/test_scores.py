@@ -1,4 +1,4 @@
-"""Scores of a digit, errors of a joint and reference rows, with numbers that can be checked by hand."""
+"""Scores of digits, errors of joints and reference rows, on numbers that can be checked by hand."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
     return TrueDigit(np.array(frame), np.array(tip_mm), np.zeros(n), np.tile(DISTAL, (n, 1)), 60.0)
 
 
-def test_a_replay_is_its_own_left_out_error() -> None:
+def test_a_replays_left_out_error_is_its_own_error() -> None:
     replayed = np.array([[1.0], [3.0], [NAN]])
     numbers = tip_numbers(replayed, replayed, fitted=False)
     assert (numbers["replay_mean_mm"], numbers["left_out_mean_mm"]) == (2.0, 2.0)
@@ -57,8 +57,10 @@ def test_a_replay_is_its_own_left_out_error() -> None:
     assert tip_numbers(nothing, nothing, fitted=False) == {"posed_mean_mm": None, "n_frames": 0}
 
 
-def test_a_whole_hand_has_a_left_out_error_of_its_own() -> None:
-    """That of the frames tried; where the hand could not be posed the replay does not stand in."""
+def test_a_fitted_hand_has_a_separate_left_out_error() -> None:
+    """It is that of the frames tried; if the hand could not be posed, the replay's error is not used
+    instead.
+    """
     replayed = np.array([[1.0], [3.0], [5.0]])
     posed = np.array([[0.5, NAN], [0.5, 4.0], [2.0, NAN]])
     numbers = tip_numbers(replayed, posed, fitted=True)
@@ -68,8 +70,8 @@ def test_a_whole_hand_has_a_left_out_error_of_its_own() -> None:
     assert "left_out_mean_mm" not in tip_numbers(replayed, None, fitted=True)
 
 
-def test_truth_is_compared_frame_by_frame() -> None:
-    """Frames 6 and 7 are shared: 5 mm and 1 mm; 30 deg and 90 deg, whatever the bone's own twist."""
+def test_the_truth_is_compared_in_shared_frames() -> None:
+    """In the shared frames 6 and 7 errors are 5 mm and 1 mm, 30 deg and 90 deg."""
     true, frame = true_digit([5, 6, 7], [[9, 9, 9], [0, 0, 0], [0, 0, 1]]), np.array([6, 7, 8])
     numbers = true_tip_numbers(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), frame, true)
     assert numbers["true_tip_mean_mm"] == pytest.approx(3.0)
@@ -97,8 +99,10 @@ def truth_of(task: str, *joints: Row, **length_mm: float) -> RecordingTruth:
     return RecordingTruth(Path(task), RecordingName("01", "right", task), stated)
 
 
-def test_a_centre_along_and_across_its_axis() -> None:
-    """Off by (3, -4, 0) with the true axis along y: 5 in all, 4 along, 3 across; the parent's half by 6."""
+def test_a_centres_error_is_split_along_and_across_its_axis() -> None:
+    """The error (3, -4, 0) with the true axis along y is 5 mm in all, 4 along and 3 across; the parent's is 6
+    mm.
+    """
     true = centre("index_pip", (1, 1, 1), (0, 0, 0))
     tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
     estimated = centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted)
@@ -109,7 +113,7 @@ def test_a_centre_along_and_across_its_axis() -> None:
     assert errors["parent_error_mm"] == pytest.approx(6.0)
     assert errors["axis_deg"] == pytest.approx(np.degrees(0.2))
     assert errors["sd_mm"] == 3.8
-    # a ball of 3.8 mm holds 6.1 mm each way; covariances hold more along their long axis than across it
+    # sd 3.8 mm as a ball: 95 % within 6.1 mm; covariances allow more along their long axis
     for sds_mm, expected in (
         (None, (True, True)),
         ((1, 1, 2, 1.5, 3, 1), (True, False)),
@@ -120,8 +124,10 @@ def test_a_centre_along_and_across_its_axis() -> None:
         assert (errors["within_95"], errors["parent_within_95"]) == expected
 
 
-def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:
-    """Each frame counts alike, 300 against 100; without a truth of its own a skeleton is held against all."""
+def test_the_truth_is_averaged_over_the_calibration_recordings() -> None:
+    """Recordings are weighted by frames; a skeleton without a truth of its recordings is compared with
+    all.
+    """
     turned = {"axis_child_x": 1.0, "axis_child_y": 0.0}
     rom = truth_of("rom", centre("index_pip", (1, 0, 0), (0, 0, 0), n_frames=300), index_middle=25.0)
     grasp = truth_of("grasp", centre("index_pip", (5, 0, 0), (0, 0, 8), **turned), index_middle=25.0)
@@ -156,10 +162,10 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
-def test_the_true_skeleton_is_exact_where_nothing_disturbs(tmp_path: Path, hand: str) -> None:
-    """Palm and thumb move, receivers are misplaced, but no centre glides and there is no skin and no noise:
-    replay, tip and wrist of the fingers are true. The thumb's CMC axes do not meet, so that
-    its base is true in the mean alone.
+def test_the_true_skeleton_is_exact_without_disturbances(tmp_path: Path, hand: str) -> None:
+    """Palm and thumb move and receivers are misplaced, but there is no gliding, skin motion or noise: the
+    fingers' replay, tips and wrist are exact. The thumb's CMC axes do not meet, so its base is right on
+    average only.
     """
     realism = replace(Realism(), glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
     recording = recorded(tmp_path, realism, hand)

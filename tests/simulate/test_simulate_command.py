@@ -1,4 +1,4 @@
-"""The simulation's command line and its files."""
+"""The command line of the simulation, and its files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def words(out: Path, *more: str, task: str = "opposition") -> list[str]:
     return [*name, "--frames", "120", "--out", str(out), *more]
 
 
-def test_both_formats_hold_the_same_numbers(plain: Path, tmp_path: Path) -> None:
+def test_both_formats_have_the_same_numbers(plain: Path, tmp_path: Path) -> None:
     assert main(words(tmp_path / "a.csv")) == 0
     parquet, csv = pq.read_table(plain), pyarrow.csv.read_csv(tmp_path / "a.csv")
     assert parquet.column_names == csv.column_names == COLUMNS
@@ -33,7 +33,7 @@ def test_both_formats_hold_the_same_numbers(plain: Path, tmp_path: Path) -> None
     assert parquet.column("time_s")[0].as_py() == pytest.approx(1 / 240)
 
 
-def test_same_seed_same_bytes(tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
     for folder in ("first", "second"):
         assert main(words(tmp_path / folder / "a.parquet", "--forearm")) == 0
     for path in sorted((tmp_path / "first").rglob("*.parquet")):
@@ -42,7 +42,7 @@ def test_same_seed_same_bytes(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("*.tmp"))
 
 
-def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
+def test_truth_tables_match_their_schemas(tmp_path: Path) -> None:
     assert main(words(tmp_path / "a.csv", "--realism", "exact", "--forearm", task="rom")) == 0
     truth = tmp_path / "a_truth"
     joints = {
@@ -73,7 +73,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "option", [("--anatomy", "xray"), ("--mounts", "2"), ("--artefact", "0"), ("--faults", "3")]
 )
-def test_options_change_the_recording_and_are_in_its_truth(
+def test_options_change_the_recording_and_are_recorded_in_the_truth(
     plain: Path, tmp_path: Path, option: tuple[str, str]
 ) -> None:
     other = tmp_path / "other.parquet"
@@ -93,7 +93,7 @@ def test_options_change_the_recording_and_are_in_its_truth(
         ("file/a.csv", (), "cannot be written"),
     ],
 )
-def test_bad_arguments_are_one_sentence_and_exit_code_2(
+def test_bad_arguments_are_refused_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str, more: tuple[str, ...], sentence: str
 ) -> None:
     (tmp_path / "file").write_text("in the way")

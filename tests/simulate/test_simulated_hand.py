@@ -1,4 +1,4 @@
-"""Anatomy and motion of the simulated hand."""
+"""The simulated hand's anatomy and motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ hand_of = cache(random_hand.hand_of)
 
 
 def pad_distances_mm(simulated: Simulated) -> np.ndarray:
-    """Distance (T, 4) of the thumb's pad to each finger's."""
+    """Return the distances (T, 4) in mm of the thumb's pad to each finger's."""
     truth = simulated.truth
     quaternion = truth.bone_quaternion[:, TIP_BONES]
     pads = truth.bone_position_mm[:, TIP_BONES] + rotations.rotate(quaternion, truth.hand.pad_mm)
@@ -28,8 +28,10 @@ def pad_distances_mm(simulated: Simulated) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("anatomy", ANATOMIES)
-def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) -> None:
-    """Bones of some thirty people: about as long as those of their source, or within those of all sources."""
+def test_simulated_people_vary_about_their_anatomical_source(anatomy: str) -> None:
+    """Mean lengths over 35 people are those of their source, or within the range of all sources; sds are 5 to
+    14 %.
+    """
     realism = Realism(anatomy=anatomy)
     lengths = np.array([hand_of(f"{i:02d}", "right", 3, realism).length_mm for i in range(35)])
     hands = [SOURCES[anatomy]] if anatomy in SOURCES else SOURCES.values()
@@ -44,7 +46,7 @@ def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) ->
         assert spread.max() < 0.14
 
 
-def test_left_hand_is_the_mirror_image_of_the_right() -> None:
+def test_the_left_hand_is_the_mirror_image_of_the_right() -> None:
     angles = 0.3 * np.random.default_rng(0).standard_normal((20, len(JOINTS), 3))
     right, left = (hand_of("01", side, 3, Realism()) for side in ("right", "left"))
     right_mm, right_turn = poses_in_hand(right, angles)
@@ -56,7 +58,7 @@ def test_left_hand_is_the_mirror_image_of_the_right() -> None:
 
 
 @pytest.mark.parametrize(("subject", "side"), [("01", "right"), ("02", "left"), ("03", "right")])
-def test_thumb_meets_each_finger_in_turn(subject: str, side: str) -> None:
+def test_in_opposition_the_thumb_meets_each_finger_in_turn(subject: str, side: str) -> None:
     apart_mm = pad_distances_mm(simulate(subject, side, "opposition", 20090601, Realism(), 960))
     assert apart_mm.min(0).max() < 10
     assert (apart_mm.max(0) > 30).all()

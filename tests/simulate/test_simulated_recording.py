@@ -1,4 +1,4 @@
-"""What the tracker sees, and whether the truth beside it is true."""
+"""Simulated recordings and the correctness of their truth."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: s
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str) -> None:
-    """Without tracker and field, recorded poses are those of the receivers on the skin; with them, the truth
-    is the same.
+def test_the_truth_is_the_mean_centre_in_the_receivers_frames(side: str) -> None:
+    """Without tracker noise and field distortion, recorded poses are those of the receivers on the skin. The
+    truth is the same with noise and distortion.
     """
     realism = replace(FULL, noise=0.0, field_distortion=0.0)
     simulated = simulate("01", side, "rom", 7, realism, SHORT)

@@ -1,4 +1,4 @@
-"""A recording that is read a few frames at a time has the numbers of one that is read as a whole."""
+"""Reading recordings in small blocks gives the same results as reading them whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the stages' command lines share: which hands they work on, how they fail and how they end."""
+"""Shared behaviour of the stages' command lines: hands without a plan, failures, and how processes end."""
 
 import argparse
 import os
@@ -65,7 +65,7 @@ def poses(path: Path, task: str, hand: str = "right") -> Path:
         (("--in", "a.csv", "--out", "c.csv", "--out-bones", "d.csv"), ""),
     ],
 )
-def test_no_output_takes_the_place_of_an_input(
+def test_an_output_that_would_replace_an_input_is_refused(
     argv: Sequence[str],
     message: str,
     tmp_path: Path,
@@ -87,7 +87,7 @@ def test_no_output_takes_the_place_of_an_input(
     assert message in capsys.readouterr().err
 
 
-def test_a_hand_alone_is_a_plan_of_its_poses(tmp_path: Path) -> None:
+def test_a_hand_without_a_plan_gets_a_plan_of_its_poses(tmp_path: Path) -> None:
     rom, pinch = poses(tmp_path / "1", "rom"), poses(tmp_path / "2", "pinch")
     alone = ["--layout", "liberty16", "--model", "rigid", "--calibration", rom, "--poses", pinch]
     arguments = options(*alone, "--hand-length-mm", 181, "--hand", "right")
@@ -98,7 +98,7 @@ def test_a_hand_alone_is_a_plan_of_its_poses(tmp_path: Path) -> None:
     assert [path.name for path in subject_stage.config_files(arguments)] == ["liberty16.yaml", "rigid.yaml"]
 
 
-def test_poses_of_another_recording_than_the_plan_says_are_refused(tmp_path: Path) -> None:
+def test_poses_of_a_recording_not_in_the_plan_are_refused(tmp_path: Path) -> None:
     rows = ("01 right rom both a.csv", "01 right pinch both b.csv - - moved")
     plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     path = plan.poses(plan.recordings[0])
@@ -111,8 +111,8 @@ def test_poses_of_another_recording_than_the_plan_says_are_refused(tmp_path: Pat
             subject_stage.poses_files(plan)
 
 
-def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
-    """As a table that a backup brought back, or poses that were made again by hand."""
+def test_a_table_made_from_other_inputs_is_refused(tmp_path: Path) -> None:
+    """Such tables come from a restored backup, or exist after poses were made again by hand."""
     plan = read_plan(write_plans(write_study(tmp_path, "01 right rom both a.csv"))["01"])
     recording = poses(plan.poses(plan.recordings[0]), "rom")
     table, other = plan.table("joint_solutions"), plan.table("joint_centres")
@@ -135,7 +135,7 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
         subject_stage.check_made_together(table, other)
 
 
-def test_running_out_of_memory_is_one_sentence_and_no_result(capsys: pytest.CaptureFixture[str]) -> None:
+def test_running_out_of_memory_ends_with_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
 
     def work(_: argparse.Namespace) -> None:
         raise pa.ArrowMemoryError("malloc of size 99 failed")
@@ -167,7 +167,7 @@ def any_parser() -> argparse.ArgumentParser:
     ],
     ids=["bad-input", "recorded", "damaged-table", "bug"],
 )
-def test_a_failure_is_in_the_log_and_recorded_where_asked(
+def test_a_failure_is_logged_and_recorded_on_request(
     capsys: pytest.CaptureFixture[str],
     argv: tuple[str, ...],
     error: Exception,
@@ -192,7 +192,7 @@ def test_a_failure_is_in_the_log_and_recorded_where_asked(
     ("error", "message"),
     [(InputError("no usable poses"), "no usable poses"), (ZeroDivisionError("oh"), INTERNAL)],
 )
-def test_a_part_that_fails_is_recorded_in_every_table(
+def test_a_failed_part_is_recorded_in_every_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], error: Exception, message: str
 ) -> None:
     paths = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
@@ -215,11 +215,11 @@ def test_a_part_that_fails_is_recorded_in_every_table(
     assert str(error) in log
 
 
-# --- a job's begin and end --------------------------------------------------------------------------------
+# --- how a process ends ------------------------------------------------------------------------------------
 
 
-def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    """A command of a process of its own, that does the work and ends as every command does."""
+def run_as_command(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run code as a command in a separate process that ends as every command does."""
     code = (
         "import sys, os, signal, time; from pathlib import Path; from shukotsu import command_line\n"
         f"def work():\n    {work}\nsys.exit(command_line.run_command(work))"
@@ -231,38 +231,42 @@ def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_standard_output_that_is_full_is_one_sentence(unbuffered: str) -> None:
+def test_a_full_standard_output_ends_with_one_sentence(unbuffered: str) -> None:
     with Path("/dev/full").open("w") as full:
-        done = ended("print('a line')", stdout=full, env=os.environ | {"PYTHONUNBUFFERED": unbuffered})
+        done = run_as_command(
+            "print('a line')", stdout=full, env=os.environ | {"PYTHONUNBUFFERED": unbuffered}
+        )
     assert done.returncode == 2
     assert done.stderr.startswith("error: standard output")
     assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
-def test_what_is_interrupted_leaves_no_file_and_no_traceback(tmp_path: Path, number: str, code: int) -> None:
+def test_an_interrupted_command_leaves_no_file_or_traceback(tmp_path: Path, number: str, code: int) -> None:
     write = "from shukotsu.tables.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as half: "
     work = f"{write}half.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
-    done = ended(
+    done = run_as_command(
         work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL)
-    )  # of whoever ignores it
+    )  # in case the caller ignores it
     assert done.returncode == code
     assert done.stderr == ("error: interrupted\n" if code == 130 else f"error: ended by {number}\n")
     assert not list(tmp_path.iterdir())
 
 
-def test_libraries_take_one_thread_whatever_the_environment_says() -> None:
-    """A sum of a million numbers ends otherwise in its last digits where two threads have added them up."""
+def test_libraries_use_one_thread_in_any_environment() -> None:
+    """With two threads the last digits of a sum of a million numbers would differ."""
     work = "import numpy as np; x = np.random.default_rng(1).normal(size=10**6); print((x @ x).hex())"
     threads = [dict.fromkeys(command_line.ONE_THREAD, number) for number in "12"]
-    first, second = (ended(work, stdout=subprocess.PIPE, env=os.environ | each).stdout for each in threads)
+    first, second = (
+        run_as_command(work, stdout=subprocess.PIPE, env=os.environ | each).stdout for each in threads
+    )
     assert first == second != ""
 
 
-def test_who_reads_only_the_beginning_breaks_nothing() -> None:
+def test_a_closed_pipe_ends_the_command_silently() -> None:
     reading, writing = os.pipe()
     os.close(reading)
-    done = ended("print('a line', flush=True)", stdout=writing)
+    done = run_as_command("print('a line', flush=True)", stdout=writing)
     os.close(writing)
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")

@@ -1,4 +1,4 @@
-"""As the guide says: an hour of a hand fits in 1 GB."""
+"""An hour of a hand is processed in 1 GB of memory, as the guide states."""
 
 import os
 import sys
@@ -27,7 +27,7 @@ PEAK = (
 
 
 def peak_bytes(stage: str, *argv: object) -> int:
-    """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
+    """Run a stage under paper-fig4 in a separate process and return its peak memory in bytes."""
     words = [*argv, "--layout", "liberty16", "--model", "paper-fig4"]
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"}
     printed = printed_by(sys.executable, "-c", PEAK, STAGES / f"{stage}.py", *words, env=environment)
@@ -35,7 +35,7 @@ def peak_bytes(stage: str, *argv: object) -> int:
 
 
 def long_poses(path: Path, n_frames: int) -> Path:
-    """Ten seconds of a hand over and over, with new noise, in longer row groups than an import writes."""
+    """Write ten seconds of a hand repeatedly, with new noise, in longer row groups than an import writes."""
     hand = recorded(seed=1, n_frames=2400)[0]
     noise = np.random.default_rng(0)
 
@@ -60,8 +60,8 @@ def long_poses(path: Path, n_frames: int) -> Path:
 
 
 @pytest.mark.slow
-def test_joints_metacarpals_and_tips_of_an_hour_stay_within_a_gigabyte(tmp_path: Path) -> None:
-    """16 receivers at 240 Hz, calibrated on and evaluated."""
+def test_stages_of_an_hours_recording_stay_within_a_gigabyte(tmp_path: Path) -> None:
+    """The recording has 16 receivers at 240 Hz and is used for calibration and evaluation."""
     hour = long_poses(tmp_path / "hour.parquet", HOUR)
     solved, projected, joints, bones, metacarpals, tips, errors = (
         tmp_path / f"{name}.parquet"
@@ -80,8 +80,8 @@ def test_joints_metacarpals_and_tips_of_an_hour_stay_within_a_gigabyte(tmp_path:
 
 
 @pytest.mark.slow
-def test_what_joints_take_does_not_grow_with_the_recording(tmp_path: Path) -> None:
-    """From where batches are as many as they get and a row group is full: nine minutes."""
+def test_memory_for_joints_does_not_grow_with_the_recording(tmp_path: Path) -> None:
+    """Both recordings exceed nine minutes, beyond which there are no more batches and row groups are full."""
     peaks = []
     for minutes in (10, 40):
         poses = long_poses(tmp_path / f"{minutes}.parquet", minutes * HOUR // 60)

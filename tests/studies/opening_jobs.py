@@ -1,7 +1,7 @@
-"""Jobs of a study that write down which files they open, done in the place of its warm process.
+"""A replacement for the warm process of a study that records which files each job opens.
 
-Run as: python opening_jobs.py LISTENER FILE. Every Parquet file is opened by Python for its checksum, so that
-the interpreter's audit events name it.
+Run as: python opening_jobs.py LISTENER FILE. Every Parquet file is opened by Python for its checksum, so it
+appears in the interpreter's audit events.
 """
 
 import json
@@ -19,7 +19,7 @@ run_script = command_line.run_script
 
 
 def opening_run(script: str, argv: Sequence[str]) -> int:
-    """Run a job; add a line of its arguments and of the files that it opened to FILE."""
+    """Run a job and append a line with its arguments and the files that it opened to FILE."""
     opened: set[str] = set()
 
     def note(event: str, arguments: tuple[Any, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Real studies run by Snakemake in a process of its own, as a user runs them, and their results read back."""
+"""Running real studies with Snakemake in a separate process, and reading their results."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ planes: {cut: false}
 fit: {whole_hand: true, frames: 40, steps: 1}
 metacarpals: {unmeasured: fitted, measured: fitted}
 """
-"""A model of a whole hand that costs seconds."""
+"""A whole-hand model that is fitted in seconds."""
 HEADER = "subject\thand\ttask\trole\tfile\texclude"
 
 CORES = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
-"""For a study, unless a test says how many: workers share the machine."""
+"""Default number of cores for a study; parallel test workers share the machine."""
 ALL_BUT_FIGURES = ("--omit-from", "print_figures")
-"""For a study whose figures nobody looks at: words of a run."""
+"""Arguments of a run without figures."""
 _JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]
@@ -42,28 +42,28 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """A job that Snakemake wants to run: its rule, and what its message says that it is about."""
+    """A job that Snakemake would run: its rule and the subject of its message."""
 
     rule: str
     about: str
 
     @property
     def subject(self) -> str | None:
-        """The subject as it stands in paths; None for a job of the whole study."""
+        """The subject as written in paths, or None for a job of the whole study."""
         match = re.match(r"subject ([^,]+)", self.about)
         return match and match[1]
 
 
 @dataclass(frozen=True)
 class StudyRun:
-    """A study file, the folder that it runs in and the program that runs it."""
+    """A study file, its working folder and the program that runs it."""
 
     file: Path
     folder: Path
     repository: Path = REPOSITORY
 
     def snakemake(self, *words: str, cores: int = CORES) -> subprocess.CompletedProcess[str]:
-        """Run Snakemake with the program's Snakefile on the study, in the study's folder, to its end."""
+        """Run Snakemake with the program's Snakefile on the study, in the study's folder, and wait for it."""
         command = [sys.executable, "-m", "snakemake", "-s", str(self.repository / "Snakefile")]
         command += ["--directory", str(self.folder), "--configfile", str(self.file), "--cores", str(cores)]
         return subprocess.run(
@@ -71,28 +71,28 @@ class StudyRun:
         )
 
     def run(self, *targets: str, cores: int = CORES) -> str:
-        """Run the study, or what some targets need, to exit code 0; return what Snakemake wrote."""
+        """Run the study or some targets, check for exit code 0 and return Snakemake's standard error."""
         done = self.snakemake(*targets, cores=cores)
         assert done.returncode == 0, done.stderr
         return done.stderr
 
     def planned(self, *targets: str) -> set[Job]:
-        """Return jobs that a run would do now, of those targets alone where some are named."""
+        """Return the jobs that a run would do now, for the given targets or all."""
         done = self.snakemake("--dry-run", *targets)
         assert done.returncode == 0, done.stderr
         return {Job(match[1], match[2]) for match in _JOB.finditer(done.stdout + done.stderr)}
 
     @property
     def results(self) -> Results:
-        """Where the results are."""
+        """Paths of the results."""
         return Results(self.folder / Results.of(self.file.stem).folder)
 
     def rows(self, table: str) -> list[Row]:
-        """Return the rows of a study-wide table, which must be as the contract says."""
+        """Return the rows of a study-wide table, checked against its schema."""
         return list(rows_of(read_table(self.results.study_table(table), TABLES[table])))
 
     def rows_where(self, table: str, **wanted: str) -> list[Row]:
-        """Return the rows of a study-wide table with those values."""
+        """Return the rows of a study-wide table with the wanted values."""
         return [row for row in self.rows(table) if all(row[key] == value for key, value in wanted.items())]
 
     def page(self) -> str:
@@ -101,14 +101,14 @@ class StudyRun:
 
 
 def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder, as somebody who has installed the program."""
+    """Run a shukotsu command in a folder, as if the program were installed."""
     return run_python(folder, "-m", "shukotsu", *argv)
 
 
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:
     """Write a study file, NAME.yaml, and its sheet of recordings, NAME.tsv.
 
-    rows: cells of the columns HEADER, separated by tabs; the first may be another header.
+    rows : cells of the columns HEADER, separated by tabs; the first row may be another header.
     """
     folder.mkdir(parents=True, exist_ok=True)
     sheet = rows if rows[0].startswith("subject\t") else [HEADER, *rows]
@@ -128,13 +128,13 @@ def record(
     frames: int = 300,
     session: str = "",
 ) -> Path:
-    """Simulate a short recording into a file whose ending says its format."""
+    """Write a short simulated recording to a file, in the format of its extension."""
     write_recording(file, simulate(subject, hand, task, 3, Realism(), frames, session=session))
     return file
 
 
 def copy_of_the_program(folder: Path) -> Path:
-    """Copy all that the workflow needs of this repository."""
+    """Copy the parts of this repository that the workflow needs."""
     folder.mkdir(parents=True)
     for part in ("shukotsu", *BESIDE):
         source = REPOSITORY / part
@@ -147,7 +147,7 @@ def copy_of_the_program(folder: Path) -> Path:
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file below a folder by its path there; logs left out."""
+    """Return the SHA-256 of every file below a folder except logs, by relative path."""
     paths = {path.relative_to(folder): path for path in folder.rglob("*") if path.is_file()}
     return {n.as_posix(): file_sha256(path) for n, path in paths.items() if "logs" not in n.parts}
 

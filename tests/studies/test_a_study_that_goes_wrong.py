@@ -1,6 +1,6 @@
-"""A study in which nearly everything goes wrong: the good subject loses nothing, every fault is named.
+"""A study with nearly every kind of fault: the good subject is unaffected and every fault is reported.
 
-What is good gives the same bytes, wherever it is run and on however many cores.
+The good subject's results are the same bytes in any folder and with any number of cores.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ BAD = [
 ]
 LEAVE_RESULTS = shutil.ignore_patterns("results", ".snakemake")
 LEFT_OUT = [f"{LONG}\tright\trom\tboth\tgood-right-rom.parquet", f"gone\tright\trom\tboth\t{LONG_FILE}"]
-"""Rows that name what no file can be called."""
+"""Rows with names that are too long for a file."""
 CORRECTIONS = [
     "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm",
     "good\tright\tring_dip\t1\t2\t3",
@@ -70,7 +70,7 @@ FAILED = {
     ("truncated", "left"): "truncated.csv: line 119: has",
     (HOSTILE, "left"): "gone & <b>.csv: no such file",
 }
-"""Hands whose recording cannot be read, and what is said of it wherever it is missed."""
+"""Hands whose recording cannot be read, and the message about it in every table that lacks it."""
 RECORDINGS = {("rom", *who): ("failed", text) for who, text in FAILED.items()} | {
     ("{rom}", PATTERN, "right"): ("used", f"no usable pose of {DEAD}"),
     ("rom", PATTERN, "left"): ("used", f"no usable pose of {DEAD}"),
@@ -94,13 +94,13 @@ FINDINGS = {
     (f"{PATTERN}, right, {{rom}}", "receivers-absent"),
     (f"{PATTERN}, left, rom", "receivers-absent"),
 }
-"""Recordings that stand for several people, a right hand that stands for a left one, a dead receiver."""
+"""Expected findings: files used for several people, a right hand used as a left one, a dead receiver."""
 WITHOUT_JOINTS = FAILED | {("one-sided", "left"): "no calibration recording"}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the recordings, sound and spoiled, and of the corrections."""
+    """Folder of the intact and damaged recordings and the corrections."""
     folder = tmp_path_factory.mktemp("wrong")
     right = record(folder / "good-right-rom.parquet")
     csv = record(folder / "good-right-opposition.csv", task="opposition")
@@ -117,7 +117,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def study(folder: Path) -> StudyRun:
-    """The study that goes wrong, run; Snakemake ended with exit code 0."""
+    """The faulty study after a run, which ended with exit code 0."""
     study = write_study(folder, "troubled", GOOD + BAD + LEFT_OUT, [MODEL], corrections="corrections.tsv")
     assert study.run().count("the row was left out") == len(LEFT_OUT)
     return study
@@ -140,16 +140,18 @@ def empty_receiver(sound: Path, dead: Path) -> None:
 
 
 @pytest.mark.parametrize("table", STUDY_TABLES)
-def test_every_table_is_there_and_as_the_contract_says(study: StudyRun, table: str) -> None:
-    """No model of it fits the whole hand, no truth is known of these recordings, and it has no events."""
+def test_every_table_exists_and_matches_its_schema(study: StudyRun, table: str) -> None:
+    """Only tables of the whole-hand fit, of the truth and of events are empty: the study has none of
+    these.
+    """
     without_fit = {"receivers", "moved_receivers", "gains", "joint_errors", "agreement"}
     without_events = {"events", "clocks", "movement_cycles", "cycle_curves", "event_strokes"}
     assert bool(study.rows(table)) == (table not in without_fit | without_events)
 
 
 @pytest.mark.parametrize("table", ["joint_centres", "bone_lengths", "tip_errors"])
-def test_the_good_subject_loses_nothing(study: StudyRun, good_alone: StudyRun, table: str) -> None:
-    """Its columns are those of a study without the others, to the last bit."""
+def test_the_good_subjects_results_are_unaffected(study: StudyRun, good_alone: StudyRun, table: str) -> None:
+    """Its rows are bit for bit those of a study without the other subjects."""
 
     def of_the_good_subject(run: StudyRun) -> pa.Table:
         whole = read_table(run.results.study_table(table), TABLES[table])
@@ -159,11 +161,11 @@ def test_the_good_subject_loses_nothing(study: StudyRun, good_alone: StudyRun, t
     assert of_the_good_subject(study).equals(of_the_good_subject(good_alone))
 
 
-def test_every_result_is_the_same_to_the_byte(
+def test_results_do_not_depend_on_folder_cores_and_threads(
     good_alone: StudyRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On two cores in a folder of another name, deeper down, where libraries are told to take two threads;
-    no result says where it was made, logs may.
+    """A copy in a deeper folder of another name, run on two cores with two threads per library, gives the
+    same bytes. No result except logs contains the folder's path.
     """
     shutil.copytree(good_alone.folder, tmp_path / "the study" / "of two", ignore=LEAVE_RESULTS)
     copy = StudyRun(
@@ -196,7 +198,7 @@ def _where(row: Row) -> str:
     return ", ".join(filter(None, (row["subject"], row["hand"], row["task"], row["model"])))
 
 
-def test_every_problem_is_named_once(study: StudyRun) -> None:
+def test_every_problem_is_listed_once(study: StudyRun) -> None:
     rows = study.rows("problems")
     problems = [(_where(row), row["message"]) for row in rows if row["stage"] != STAGE]
     for where, text in PROBLEMS:
@@ -206,7 +208,7 @@ def test_every_problem_is_named_once(study: StudyRun) -> None:
 
 
 @pytest.mark.parametrize("who", WITHOUT_JOINTS, ids=", ".join)
-def test_a_hand_without_calibration_has_failed_joints_and_tip_errors_without_numbers(
+def test_a_hand_without_calibration_has_failed_joints_and_no_tip_errors(
     study: StudyRun, who: tuple[str, str]
 ) -> None:
     (subject, hand), reason = who, WITHOUT_JOINTS[who]
@@ -223,7 +225,7 @@ def test_a_hand_without_calibration_has_failed_joints_and_tip_errors_without_num
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
-def test_a_dead_receiver_costs_its_own_two_joints_and_digit_only(study: StudyRun, hand: str) -> None:
+def test_a_dead_receiver_costs_only_its_two_joints_and_its_digit(study: StudyRun, hand: str) -> None:
     errors = study.rows_where("tip_errors", subject=PATTERN, hand=hand)
     touched = [row for row in errors if row["digit"] == "index"]
     others = [row for row in errors if row["digit"] != "index"]
@@ -237,7 +239,7 @@ def test_a_dead_receiver_costs_its_own_two_joints_and_digit_only(study: StudyRun
     assert all(DEAD in row["message"] for row in failed)
 
 
-def test_every_job_has_its_log_which_says_why_it_failed(study: StudyRun) -> None:
+def test_every_job_has_a_log_with_the_reason_of_a_failure(study: StudyRun) -> None:
     names = map(path_token, (HOSTILE, SLASHED, PATTERN, "missing", JAPANESE, "one-sided"))
     stages = ("plan", "solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
     wanted = {f"{stage}/sub-{name}.log" for name in names for stage in stages}
@@ -248,7 +250,7 @@ def test_every_job_has_its_log_which_says_why_it_failed(study: StudyRun) -> None
     assert not leftovers(study.folder)
 
 
-def test_a_file_whose_name_is_a_pattern_is_known_by_its_content(study: StudyRun) -> None:
-    """The last test: the study is another one then."""
+def test_a_change_of_a_file_named_like_a_pattern_is_noticed(study: StudyRun) -> None:
+    """It must run last, as it changes the study."""
     (study.folder / "{x}.parquet").write_bytes((study.folder / "<b>.parquet").read_bytes())
     assert {job.subject for job in study.planned() if job.rule == "capture"} == {path_token(PATTERN)}

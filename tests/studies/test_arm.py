@@ -1,4 +1,4 @@
-"""A real pair of arms, which no code knows of: layout `arm`, the shipped models, receivers on loose skin."""
+"""A real recording of both arms: layout `arm` and the shipped models, without code specific to arms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FREE_GAP_MM = {"shoulder": (16, 26), "elbow": (6, 8), "wrist": (4.5, 7)}
 
 
 def test_both_arms_are_solved_and_replayed(real_data: Path, tmp_path: Path) -> None:
-    """A free centre closes as well as skin lets it, and stands where no plane cuts its axis."""
+    """Free joints have the gaps expected from skin motion and no plane; a whole-hand model is refused."""
     sides = ("right", "left")
     rows = [f"01\t{side}\tracing\tboth\t{real_data}/upper_limb_poses/racing_{side}.csv" for side in sides]
     study = write_study(tmp_path, "arms", rows, MODELS, layout="arm")

@@ -1,4 +1,4 @@
-"""The demo study, cold, as somebody runs it who has just got the program: it shows what the paper shows."""
+"""The demo study, run in an empty folder, reproduces the paper's findings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ CENTRE = ("child_x_mm", "child_y_mm", "child_z_mm")
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """The demo, run by `shukotsu demo` in an empty folder, or where SHUKOTSU_DEMO says that it was run."""
+    """The demo, run by `shukotsu demo` in an empty folder, or the finished one in the folder
+    SHUKOTSU_DEMO.
+    """
     folder = Path(os.environ.get("SHUKOTSU_DEMO") or tmp_path_factory.mktemp("demo"))
     if not (folder / "results").is_dir():
         command = [sys.executable, "-P", "-m", "shukotsu", "demo", "--cores", str(CORES)]
@@ -42,11 +44,11 @@ def _errors(demo: StudyRun, model: str, **wanted: str) -> list[Row]:
     return rows
 
 
-def test_fingers_at_rest_are_centimetres_off_and_estimated_metacarpals_bring_millimetres(
+def test_estimated_metacarpals_reduce_tip_errors_from_cm_to_mm(
     demo: StudyRun,
 ) -> None:
-    """Table 1: nothing turns the fingers' metacarpals; the thumb's is turned by its receiver. Tables 2 to 4:
-    every digit but the one whose joint fails.
+    """Table 1, metacarpals at rest: fingers are 4 to 20 cm off, the thumb, whose metacarpal has a receiver,
+    less. Tables 2 to 4: every digit is within 1 cm except the one with the failing joint.
     """
     for digit in ("thumb", "index", "middle", "ring", "little"):
         least, most = (0, 25) if digit == "thumb" else (40, 200)
@@ -56,8 +58,10 @@ def test_fingers_at_rest_are_centimetres_off_and_estimated_metacarpals_bring_mil
         assert all(row["mean_mm"] < 10 for row in rows)
 
 
-def test_the_correction_puts_it_right_and_errors_are_those_of_the_studys_table(demo: StudyRun) -> None:
-    """How far every finger joint is from where the simulation put it, in the child receiver's frame."""
+def test_the_correction_repairs_the_failing_joint(demo: StudyRun) -> None:
+    """Finger joints are compared with the simulation's, in the child receiver's frame, and with
+    joint_errors.
+    """
     for model in ("paper-fig4", "paper-fig4-corrected"):
         errors_mm = {}
         for subject, hand in product(("01", "02"), ("right", "left")):
@@ -77,8 +81,8 @@ def test_the_correction_puts_it_right_and_errors_are_those_of_the_studys_table(d
 
 
 @pytest.mark.parametrize("calibrated_on", ["rom", "opposition;rom"])
-def test_the_whole_hand_fails_nowhere(demo: StudyRun, calibrated_on: str) -> None:
-    """No joint is 5 mm off, with nobody's correction; every bone within a tenth."""
+def test_the_whole_hand_fit_has_no_gross_error(demo: StudyRun, calibrated_on: str) -> None:
+    """Without corrections every joint is within 5 mm and every bone length within 12 %."""
     rows = demo.rows_where("joint_errors", model="whole-hand", calibrated_on=calibrated_on)
     errors_mm = [row["error_mm"] for row in rows]
     assert len(errors_mm) == 4 * 15
@@ -87,9 +91,9 @@ def test_the_whole_hand_fails_nowhere(demo: StudyRun, calibrated_on: str) -> Non
     assert max(abs(row["bone_error_percent"]) for row in rows if row["bone_error_percent"] is not None) < 12
 
 
-def test_held_out_scores_and_references(demo: StudyRun) -> None:
-    """Left out, the fitted hand's tips are near their receivers in a task that it has not seen; an average
-    hand's are not.
+def test_a_fitted_hand_predicts_an_unseen_task_better_than_an_average_hand(demo: StudyRun) -> None:
+    """Left-out tip errors of the fitted hand in an unseen task are below 1.2 mm, those of an average hand
+    above 3 mm on average.
     """
     for hand in demo.rows_where("skeleton_scores", model="whole-hand", calibrated_on="rom"):
         assert hand["held_out"]
@@ -107,7 +111,7 @@ def n_rows(path: Path) -> int:
 
 
 def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
-    """A column that the catalogue declares and no stage writes is named, beside what the demo cannot have."""
+    """Only tables and columns that the demo cannot have are empty."""
     files: dict[str, list[Path]] = {}
     for path in demo.results.folder.rglob("*.parquet"):
         files.setdefault(path.stem, []).append(path)
@@ -132,7 +136,7 @@ def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
     assert empty == loose | of_more_subjects | of_fields | of_devices
 
 
-def test_nothing_went_wrong(demo: StudyRun) -> None:
+def test_the_demo_has_no_problems(demo: StudyRun) -> None:
     assert not demo.rows("problems")
     assert {row["status"] for row in demo.rows("recordings")} == {"used"}
     assert not leftovers(demo.results.folder)

@@ -1,4 +1,4 @@
-"""A study that is killed at random moments, or may write no large file, or lacks memory: no half results."""
+"""A study that is killed at random moments or hits a file size limit leaves no incomplete result."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ pytestmark = pytest.mark.slow
 KILLS = 3
 
 
-def test_killed_or_in_trouble_the_same_command_completes_to_the_same_bytes(tmp_path: Path) -> None:
-    """A machine's trouble, as a quota of files' sizes, is no result; nor is what was killed at any moment."""
+def test_an_interrupted_study_is_completed_to_the_same_bytes(tmp_path: Path) -> None:
+    """After a file size limit and after each kill all results present are final; a last run completes
+    them.
+    """
     folder, chance = tmp_path / "study", random.Random(5)
     folder.mkdir()
     file = record(folder / "rom.parquet")
@@ -49,13 +51,13 @@ def test_killed_or_in_trouble_the_same_command_completes_to_the_same_bytes(tmp_p
 
 
 def results(study: StudyRun) -> dict[str, str]:
-    """SHA-256 of every result; hidden files are none."""
+    """Return the SHA-256 of every result by name, without hidden files."""
     digests = hashes(study.results.folder)
     return {name: digest for name, digest in digests.items() if not re.search(r"(^|/)\.", name)}
 
 
 def started(study: StudyRun, limit: Callable[[], None] | None = None) -> subprocess.Popen[str]:
-    """Start the study's run in a session of its own, under a limit."""
+    """Start a run of the study in a separate session, under a limit."""
     command = [sys.executable, "-m", "snakemake", "-s", str(REPOSITORY / "Snakefile"), "--cores", "2"]
     return subprocess.Popen(
         [*command, "--configfile", str(study.file)],

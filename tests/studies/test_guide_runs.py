@@ -1,4 +1,4 @@
-"""The guide's blocks are run as a reader types them, page by page and in their order; its notebook, too."""
+"""The guide's code blocks run page by page in their order, and so does its notebook."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ LAB_FILES = {
 TAKE_FILES = """if [ "$PWD" != "$START" ] && [ -f study.yaml ]; then
     cp -rf "$LAB"/* .
 fi"""
-"""What a reader does in a new study folder: copies recordings into it, edits sheets and models.
+"""Shell lines that copy recordings, sheets and models into a new study folder, as a reader would by hand.
 
-With the recordings come the results of the study, which was run once by the commands of these pages.
+The results of the study, run once by the commands of these pages, are copied with them.
 """
 
 pytestmark = pytest.mark.slow
@@ -37,7 +37,7 @@ RUN_NOTEBOOK = REPOSITORY / "tests" / "report_samples" / "run_notebook.py"
 
 
 def write_lab_files(folder: Path) -> None:
-    """Write recordings of a hand and the sheets that name them, as the guide says that a reader has."""
+    """Write the recordings and sheets that the guide assumes a reader to have."""
     for name, task in (("rom", "rom"), ("p01_rom", "rom"), ("p01_scales", "opposition")):
         record(folder / f"{name}.csv", subject="P01", task=task, frames=FRAMES)
     for name, text in LAB_FILES.items():
@@ -45,7 +45,7 @@ def write_lab_files(folder: Path) -> None:
 
 
 def run_blocks(page: Path) -> list[Block]:
-    """Return the page's blocks that say no reason why no test runs them."""
+    """Return the page's blocks that are not marked with a reason for not being run."""
     return [block for block in blocks(page, *SHELLS, "python") if not block.not_run]
 
 
@@ -55,7 +55,7 @@ SQL = [block for page in PAGES for block in blocks(page, "sql") if not block.not
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that every page begins in, its study run; not to be changed."""
+    """The folder in which every page begins, with a finished study; tests must not change it."""
     folder = tmp_path_factory.mktemp("guide")
     write_lab_files(folder)
     rows = []
@@ -74,7 +74,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A new study's folder, with recordings and results."""
+    """A new study's folder with recordings and results."""
     folder = tmp_path_factory.mktemp("lab") / "piano"
     shukotsu(folder.parent, "new", "piano").check_returncode()
     write_lab_files(folder)
@@ -86,7 +86,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str, str]:
-    """Programs on the path as after `source .venv/bin/activate`; nothing opens a window."""
+    """Environment with the programs on PATH as after `source .venv/bin/activate`, opening no windows."""
     programs = tmp_path_factory.mktemp("programs")
     for name, words in {"shukotsu": "-P -m shukotsu", "python": ""}.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n', "utf-8")
@@ -102,12 +102,12 @@ def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str
 
 
 @pytest.mark.parametrize("page", RUN_PAGES, ids=lambda page: page.name)
-def test_blocks_of_a_page_run(
+def test_the_code_blocks_of_a_page_run(
     page: Path, finished: Path, lab: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     folder = tmp_path / "reader"
     shutil.copytree(finished, folder, symlinks=True)
-    if "results/piano" in page.read_text("utf-8"):  # the study that the page speaks of
+    if "results/piano" in page.read_text("utf-8"):  # the study that the page describes
         shutil.copytree(lab, folder, dirs_exist_ok=True)
     (folder / ".venv").symlink_to(Path(sys.prefix))
     for name, lines in scripts(page).items():
@@ -117,7 +117,7 @@ def test_blocks_of_a_page_run(
 
 
 def scripts(page: Path) -> dict[str, str]:
-    """Return what to run of a page: its shell blocks as one script, then its Python blocks as another."""
+    """Return a page's scripts by file name: all its shell blocks as one, all its Python blocks as another."""
     shell = [
         f"{TAKE_FILES}\necho '--- {block}'\n{block.text}"
         for block in run_blocks(page)
@@ -129,8 +129,8 @@ def scripts(page: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("block", SQL, ids=str)
-def test_sql_is_answered(block: Block, finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By DuckDB, a row or more of each statement but those that look for failures."""
+def test_sql_queries_return_rows(block: Block, finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """DuckDB returns rows for every statement except those that search for failures."""
     monkeypatch.chdir(finished)
     answers = [duckdb.execute(statement).fetchall() for statement in duckdb.extract_statements(block.text)]
     assert answers.count([]) == block.text.count("'failed'")

@@ -1,4 +1,4 @@
-"""A study from `shukotsu new` to its report and exports, by the one command, from a folder of its own."""
+"""A study from `shukotsu new` to report and exports with the command `shukotsu` alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from studies.running import REPOSITORY, record, shukotsu, write_study
 pytestmark = pytest.mark.slow
 
 
-def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
+def test_a_new_study_is_run_to_report_and_exports(tmp_path: Path) -> None:
     record(tmp_path / "captures" / "rom.parquet", subject="01", task="rom")
     assert shukotsu(tmp_path, "new", "piano", "--recordings", "captures").returncode == 0
     folder = tmp_path / "piano"
@@ -56,8 +56,8 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("after", ["$ ", " jobs done"])
-def test_a_run_that_is_ended_leaves_nothing_at_work(tmp_path: Path, after: str) -> None:
-    """As Snakemake is started, and amid jobs, whose warm process ends too; the same command goes on."""
+def test_an_interrupted_run_leaves_no_process(tmp_path: Path, after: str) -> None:
+    """It is interrupted while Snakemake starts or between jobs; the same command then completes the run."""
     file = record(tmp_path / "rom.parquet")
     study = write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
     words = ("run", "--", (study.results.subject("01") / "tips.parquet").relative_to(tmp_path).as_posix())
@@ -86,8 +86,8 @@ def test_a_run_that_is_ended_leaves_nothing_at_work(tmp_path: Path, after: str) 
     assert shukotsu(tmp_path, *words).returncode == 0
 
 
-def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:
-    """A damaged table is named with its job and log; results that cannot be written end it with 2."""
+def test_a_run_that_cannot_continue_states_one_reason(tmp_path: Path) -> None:
+    """A damaged table is reported with its job and log; an unwritable results folder gives exit code 2."""
     file = record(tmp_path / "rom.parquet")
     study = write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
     table = study.results.subject("01") / "joint_solutions.parquet"

@@ -1,4 +1,4 @@
-"""What a study's jobs open is what their rules declare, and what changed is made again: nothing is hidden."""
+"""Jobs open only files that their rules declare, and whatever changed is made again."""
 
 from __future__ import annotations
 
@@ -32,12 +32,14 @@ from shukotsu.workflow.study_files import StudyFiles
 pytestmark = pytest.mark.slow
 
 CONFIGURED = {"plan"}
-"""Rules of which the content of the study file and its sheets is a parameter."""
+"""Rules with the content of the study file and its sheets as a parameter."""
 OF_THE_STUDY = ("gather", "compare_models", "compare_movement", "export_dataset", "report", "print_figures")
 """Rules that read the study file and its sheets."""
 RULES = re.findall(r"(?m)^(?:use rule \w+ as|rule) (\w+)", (REPOSITORY / "Snakefile").read_text("utf-8"))
 EVERYTHING = {*RULES} - {"all", "plan", "simulate", "stream"}
-"""What runs again with another program: no plan, which is written when a run begins, nor what simulates."""
+"""Rules that run again after a change of the program: not plans, written when a run begins, nor
+simulations.
+"""
 UP_TO_JOINTS = {"plan", "capture", "check_recordings", "solve_joints"}
 NEEDED = {
     "sub-01/right/rom/poses.parquet": {"capture"},
@@ -46,13 +48,13 @@ NEEDED = {
     "sub-01/tips.parquet": UP_TO_JOINTS
     | {"project_planes", "fit_hands", "estimate_metacarpals", "evaluate_tips"},
 }
-"""What makes a table that is asked for."""
-FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
+"""Rules that are needed to make a table."""
+FRAMES = 700  # a CSV file over 1 MB, above which Snakemake checks modification times
 Command = tuple[str, ...]
 
 
 def every_format(folder: Path) -> list[str]:
-    """Write a recording of each format, the capture with events; return rows of the sheet."""
+    """Write a recording of each format, the capture with events; return their rows of the sheet."""
     pulses = f"{midi_of(folder, np.arange(3) / 100).name}\tnote 24 = sync"
     rows = []
     for name, sample in RECORDINGS.items():
@@ -68,7 +70,7 @@ def every_format(folder: Path) -> list[str]:
 
 
 def written_study(base: Path) -> StudyRun:
-    """Write a study with sheets and recordings of all kinds beside a copy of the program."""
+    """Write a study with all kinds of sheets and recordings beside a copy of the program."""
     program, folder = copy_of_the_program(base / "the program"), base / "study"
     folder.mkdir()
     rows = ["subject\thand\ttask\trole\tfile\tmapping\tevents\tpulses", *every_format(folder)]
@@ -92,7 +94,7 @@ def written_study(base: Path) -> StudyRun:
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[StudyRun, Mapping[Command, set[Path]]]:
-    """The study, run, and what each job opened below the study's folder, by its command."""
+    """The finished study, and the files below its folder that each job opened, by the job's command."""
     study = written_study(tmp_path_factory.mktemp("reruns") / "base")
     with (
         TemporaryDirectory() as folder,  # a socket's path must be short
@@ -132,12 +134,12 @@ def opened(watched: tuple[object, Mapping[Command, set[Path]]]) -> Mapping[Comma
 
 @pytest.fixture(scope="module")
 def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
-    """Every job's rule and input, output and log files, by its command, as a dry run lists them."""
+    """Each job's rule and its input, output and log files by its command, as listed by a dry run."""
     with TemporaryDirectory() as program:
         for name in ("shukotsu", *BESIDE[1:]):
             Path(program, name).symlink_to(study.repository / name)
         text = (study.repository / "Snakefile").read_text("utf-8")
-        text += "for each in workflow.rules:\n    each.message = None\n"  # shown are either messages or files
+        text += "for each in workflow.rules:\n    each.message = None\n"  # else files are not shown
         Path(program, "Snakefile").write_text(text, "utf-8")
         done = replace(study, repository=Path(program)).snakemake(
             "--dry-run", "--forceall", "--printshellcmds"
@@ -159,18 +161,20 @@ def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
 def undeclared(
     opened: Mapping[Command, set[Path]], jobs: Mapping[Command, tuple[str, set[Path]]]
 ) -> dict[str, set[Path]]:
-    """Return the files that jobs opened and that are no file, nor in a folder, that their rules declare."""
+    """Return, by rule, the files that jobs opened although the rule declares neither them nor their
+    folder.
+    """
     hidden: dict[str, set[Path]] = {}
     for argv, paths in opened.items():
         rule, files = jobs[argv]
         for path in paths:
-            passing = path.name.endswith(".tmp") or path.is_dir()  # half written, or a folder's names
+            passing = path.name.endswith(".tmp") or path.is_dir()  # temporary, or a folder
             if not passing and rule not in CONFIGURED and not files & {path, *path.parents}:
                 hidden.setdefault(rule, set()).add(path)
     return hidden
 
 
-def test_every_job_opens_what_its_rule_declares(
+def test_every_job_opens_only_what_its_rule_declares(
     opened: Mapping[Command, set[Path]], declared: dict[Command, tuple[str, set[Path]]]
 ) -> None:
     assert opened.keys() == declared.keys()
@@ -188,7 +192,7 @@ def test_every_job_opens_what_its_rule_declares(
         ("report", "problems.parquet"),
     ],
 )
-def test_an_input_that_a_rule_leaves_out_is_found(
+def test_an_undeclared_input_is_found(
     opened: Mapping[Command, set[Path]],
     declared: dict[Command, tuple[str, set[Path]]],
     rule: str,
@@ -202,7 +206,7 @@ def test_an_input_that_a_rule_leaves_out_is_found(
 
 
 def digests(study: StudyRun) -> dict[str, set[str]]:
-    """Return, by rule, what tells Snakemake whether the user's files are what they were."""
+    """Return, by rule, the digests by which Snakemake notices changes of the user's files."""
     files = StudyFiles(study.file)
     each = [
         SimpleNamespace(subject=plan.who.token, hand=recording.hand.hand, recording=recording.name)
@@ -217,13 +221,15 @@ def digests(study: StudyRun) -> dict[str, set[str]]:
     }
 
 
-def test_an_input_is_known_by_its_content(
+def test_a_changed_byte_of_an_input_is_noticed(
     study: StudyRun,
     opened: Mapping[Command, set[Path]],
     declared: dict[Command, tuple[str, set[Path]]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A changed byte of a user's file that a job opened is seen by the job's rule, or refused at once."""
+    """The size and time of the file stay the same; the job's rule notices the change or the file is
+    refused.
+    """
     monkeypatch.chdir(study.folder)
     before = digests(study)
     inputs: dict[Path, set[str]] = {}
@@ -252,20 +258,20 @@ def test_a_second_run_does_nothing(study: StudyRun) -> None:
     assert "Nothing to be done" in study.run()
 
 
-def test_every_table_is_declared(study: StudyRun) -> None:
-    """What lies in the results folder is what `--summary` lists: nothing is hidden from Snakemake."""
+def test_every_table_is_declared_to_snakemake(study: StudyRun) -> None:
+    """All tables in the results folder are listed by `--summary`."""
     done = study.snakemake("--summary")
     assert done.returncode == 0, done.stderr
     listed = {line.split("\t")[0] for line in done.stdout.splitlines()[1:]}
     tables = {path.relative_to(study.folder).as_posix() for path in study.results.folder.rglob("*.parquet")}
     assert tables <= listed
     names = Counter(path.stem for path in study.results.subject("01").rglob("*.parquet"))
-    # Of two hands, with the fitted model and the hand that anatomy expects.
+    # Two hands, each with the fitted model and the reference hand.
     assert names == Counter([*SUBJECT_TABLES]) + Counter({"poses": 2, **dict.fromkeys(FIT_TABLES, 4)})
 
 
-def test_report_of_the_workflow(study: StudyRun, tmp_path: Path) -> None:
-    """With what `make demo` installs: the report's own dependencies are in the lock."""
+def test_snakemakes_report_can_be_made(study: StudyRun, tmp_path: Path) -> None:
+    """The dependencies of `snakemake --report` are in the lock file."""
     done = study.snakemake("--report", str(tmp_path / "workflow.html"))
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "workflow.html").read_text("utf-8")
@@ -276,7 +282,7 @@ def test_report_of_the_workflow(study: StudyRun, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def copy(study: StudyRun, tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """A copy of the study and its program in a folder at another depth, with other times."""
+    """A copy of the study and its program at another depth, with new modification times."""
     base = tmp_path_factory.mktemp("deeper") / "and" / "copy"
     shutil.copytree(study.folder.parent, base, copy_function=shutil.copyfile)
     return StudyRun(base / "study" / study.file.name, base / "study", base / study.repository.name)
@@ -290,8 +296,8 @@ def subjects(jobs: set[Job]) -> set[str]:
     return {job.subject for job in jobs if job.subject is not None}
 
 
-def test_a_copy_makes_nothing_again(copy: StudyRun) -> None:
-    """Also without what Snakemake remembers."""
+def test_a_copied_study_needs_no_job(copy: StudyRun) -> None:
+    """It needs none even without Snakemake's metadata."""
     assert copy.planned() == set()
     memory = copy.folder / ".snakemake"
     memory.rename(copy.folder.parent / "memory")
@@ -300,7 +306,7 @@ def test_a_copy_makes_nothing_again(copy: StudyRun) -> None:
     (copy.folder.parent / "memory").rename(memory)
 
 
-def test_a_table_asked_for_is_made_with_what_it_needs(copy: StudyRun) -> None:
+def test_a_requested_table_is_made_with_its_dependencies_only(copy: StudyRun) -> None:
     results = copy.results.folder
     results.rename(copy.folder / "results" / "aside")
     for table, needed in NEEDED.items():
@@ -312,7 +318,7 @@ def test_a_table_asked_for_is_made_with_what_it_needs(copy: StudyRun) -> None:
     (copy.folder / "results" / "aside").rename(results)
 
 
-def test_another_state_of_the_program_reruns_all_but_the_plans(copy: StudyRun) -> None:
+def test_a_changed_program_reruns_everything_but_the_plans(copy: StudyRun) -> None:
     module = copy.repository / "shukotsu/paper/plane.py"
     text = module.read_text("utf-8")
     module.write_text(f"{text}\nassert True\n", "utf-8")
@@ -322,8 +328,8 @@ def test_another_state_of_the_program_reruns_all_but_the_plans(copy: StudyRun) -
     module.write_text(text, "utf-8")
 
 
-def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> None:
-    """An exchanged recording, a model more, other participants and a subject less."""
+def test_changes_are_rerun_with_the_results_of_a_fresh_run(copy: StudyRun) -> None:
+    """Changes: an exchanged recording, an additional model, other participants and a removed subject."""
     results = copy.results.folder
     fits = results / "sub-02" / "fits" / "right" / "fitted"
     times_ns = {path: path.stat().st_mtime_ns for path in fits.iterdir()}
@@ -341,7 +347,11 @@ def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> N
 
     (copy.folder / "participants.tsv").write_text("subject\tgroup\n01\tb\n02\tb\n")
     copy.file.write_text(copy.file.read_text("utf-8").replace("[bvh, bids, csv]", "[bvh]"))
-    for path in (copy.file, copy.folder / "participants.tsv", copy.folder / "01.csv"):  # of a clock ahead
+    for path in (
+        copy.file,
+        copy.folder / "participants.tsv",
+        copy.folder / "01.csv",
+    ):  # a clock ahead
         os.utime(path, (path.stat().st_mtime + 86400,) * 2)
     sheet = copy.folder / "open.tsv"
     lines = sheet.read_text("utf-8").splitlines(keepends=True)
@@ -366,8 +376,10 @@ def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> N
     assert hashes(results) == after
 
 
-def test_what_no_run_left_so_is_made_anew(copy: StudyRun) -> None:
-    """Cut with its time kept, removed, or of unknown origin: to the same bytes, and nothing is left."""
+def test_damaged_results_are_made_again(copy: StudyRun) -> None:
+    """Results are truncated with their times kept, removed, or without metadata; the remade files are
+    identical.
+    """
     results = copy.results.folder
     before = hashes(results)
     for name in ("report.html", "sub-02/plan.json", "sub-02/findings.parquet", "sub-01/tips.parquet"):
@@ -385,4 +397,4 @@ def test_what_no_run_left_so_is_made_anew(copy: StudyRun) -> None:
     (results / "logs" / "made_from.json").unlink()
     assert copy.planned() == set()
     shutil.rmtree(copy.folder / ".snakemake")
-    assert {"capture", "solve_joints", "report"} <= rules(copy.planned()), "nothing says what made them"
+    assert {"capture", "solve_joints", "report"} <= rules(copy.planned()), "nothing records what made them"

@@ -1,6 +1,6 @@
-"""A study of sessions, with exports: receivers put on anew are solved alone, and nothing of two is mixed.
+"""A study with several sessions and exports: sessions are solved separately and never mixed.
 
-Every format of every model is written, or it is said why not.
+Every format is exported for every model, or the reason is stated.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FRAMES = 480
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """Subject 01 in three sessions, of which the third's file is not there; 02 in none that is named, whose
+    """Subject 01 in three sessions, the third with a missing file, and subject 02 without a session, whose
     index fingertip is lost every 50 frames.
     """
     folder = tmp_path_factory.mktemp("sessions")
@@ -55,7 +55,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     return study
 
 
-def test_each_session_has_a_folder_and_rows_of_its_own(study: StudyRun) -> None:
+def test_each_session_has_its_own_folder_and_rows(study: StudyRun) -> None:
     folders = {path.name for path in study.results.folder.glob("sub-*")}
     assert folders == {"sub-01_ses-1", "sub-01_ses-post%20op", "sub-01_ses-3", "sub-02"}
     for name in STUDY_TABLES:
@@ -74,7 +74,7 @@ def test_each_session_has_a_folder_and_rows_of_its_own(study: StudyRun) -> None:
     assert centre_x_mm["01", "1"] != centre_x_mm["01", "post op"]
 
 
-def test_events_cut_the_movement_of_their_session_alone(study: StudyRun) -> None:
+def test_events_apply_to_their_session_only(study: StudyRun) -> None:
     events = study.rows("events")
     assert [(row["subject"], row["session"], row["onset_s"], row["source"]) for row in events] == [
         ("01", "1", onset_s, "sheet") for onset_s in ONSETS_S
@@ -84,7 +84,7 @@ def test_events_cut_the_movement_of_their_session_alone(study: StudyRun) -> None
     assert {row["session"] for row in study.rows_where("ranges_of_motion", subject="01")} == {"1", "post op"}
 
 
-def test_a_session_that_fails_fails_alone_and_is_named(study: StudyRun) -> None:
+def test_a_failed_session_is_reported_and_affects_no_other(study: StudyRun) -> None:
     problems = [row for row in study.rows("problems") if row["severity"] == "refused"]
     assert ("01", "3") in {(row["subject"], row["session"]) for row in problems}
     assert {(row["subject"], row["session"]) for row in problems if row["stage"] != "export"} == {("01", "3")}
@@ -109,8 +109,8 @@ def test_pages_exports_and_the_dataset_name_the_session(study: StudyRun) -> None
     assert (dataset / "participants.tsv").read_text("utf-8").count("sub-01") == 1
 
 
-def test_every_format_of_every_model_or_why_it_is_not_there(study: StudyRun) -> None:
-    """Formats that hold gaps are written; those that do not say why they are not."""
+def test_every_export_is_written_or_its_reason_is(study: StudyRun) -> None:
+    """Formats that cannot hold gaps are replaced by a file with the reason."""
     names, page = {path.name for path in study.results.exports.iterdir()}, study.page()
     for model in MODELS:
         stem = f"sub-01_ses-1_hand-right_task-rom_model-{model}"
@@ -125,8 +125,8 @@ def test_every_format_of_every_model_or_why_it_is_not_there(study: StudyRun) -> 
     assert "choose --gaps hold, cut or interpolate" in page
 
 
-def test_all_subjects_are_in_a_folder_that_takes_no_room(study: StudyRun) -> None:
-    """Files of the exports' folder, links to those that the subjects' jobs wrote."""
+def test_the_shared_export_folder_uses_hard_links(study: StudyRun) -> None:
+    """Files in the folder of all exports are hard links to those of the subjects' folders."""
     folders = {path for path in study.results.exports.iterdir() if path.is_dir()}
     assert folders == {study.results.dataset, study.results.exports / "tables"}
     package = json.loads((study.results.exports / "tables" / "datapackage.json").read_text("utf-8"))
@@ -137,8 +137,8 @@ def test_all_subjects_are_in_a_folder_that_takes_no_room(study: StudyRun) -> Non
     assert all((study.results.exports / file.name).samefile(file) for file in files)
 
 
-def test_a_format_less_leaves_nothing_of_it(study: StudyRun) -> None:
-    """The last test: the study is another one then."""
+def test_exports_of_a_removed_format_are_deleted(study: StudyRun) -> None:
+    """It must run last, as it changes the study."""
     text = study.file.read_text("utf-8")
     study.file.write_text(text.replace("[bvh, ", "[").replace(", bids", ""), "utf-8")
     study.run(*ALL_BUT_FIGURES)

@@ -1,4 +1,4 @@
-"""The recorder through a study to a report: a hand that is sent is the same hand."""
+"""A recorded hand, emulated and recorded again, is the same hand."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from shukotsu.tables.typed_table import read_table
 
 SECONDS = 4
 NEAR_MM, NEAR = 1e-4, 1e-6
-"""Numbers of 32 bits came."""
+"""The tracker sends 32-bit numbers."""
 
 
 def poses_of(study: StudyRun, subject: str) -> Poses:
@@ -23,7 +23,7 @@ def poses_of(study: StudyRun, subject: str) -> Poses:
 
 
 @pytest.mark.slow
-def test_a_hand_that_is_sent_is_the_same(tmp_path: Path) -> None:
+def test_a_hand_recorded_from_the_emulator_has_the_same_poses(tmp_path: Path) -> None:
     file = record(tmp_path / "rom.parquet", frames=SECONDS * 240)
     with emulator("--recording", str(file), "--loop", port=("--tcp", "0")) as port:
         words = ("record", "--port", port, "--out", str(tmp_path / "sent.arrows"))

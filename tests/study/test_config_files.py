@@ -1,4 +1,4 @@
-"""Configuration files: a typo is refused by name, defaults are filled in, and YAML holds no surprises."""
+"""Configuration files: refusals of mistakes, defaults, and the dialect of YAML."""
 
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ def read(tmp_path: Path, text: str, kind: str = "model") -> dict[str, Any]:
     return read_config(path, kind)
 
 
-def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
+def test_defaults_are_filled_in_at_every_level(tmp_path: Path) -> None:
     config = read(tmp_path, MODEL + "joints: {singular_values: 6}\n")
     assert config["joints"] == {"solver": "closed", "singular_values": 6, "calibration": "evaluated"}
     assert config["planes"] == {"cut": True, "parallel_limit_deg": 20, "corrections": False}
@@ -54,14 +54,14 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
         ("wrist: !!python/name:os.system", "not valid YAML: could not determine a constructor"),
     ],
 )
-def test_a_mistake_in_a_configuration_is_named_with_its_key(tmp_path: Path, text: str, message: str) -> None:
+def test_a_mistake_in_a_file_is_refused_with_its_key(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read(tmp_path, MODEL + text)
     assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: ")
     assert "\n" not in str(caught.value)
 
 
-def test_a_layout_is_found_by_its_shipped_name_or_by_a_path(tmp_path: Path) -> None:
+def test_a_layout_is_found_by_shipped_name_or_path(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").touch()
     assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
     assert config_path("arm", "layout", tmp_path).is_file()
@@ -81,7 +81,7 @@ def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
 
 
 @pytest.mark.parametrize("kind", ["study", "layout", "model", "mapping"])
-def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
+def test_schemas_describe_every_key_and_forbid_others(kind: str) -> None:
     schema = json_schema(kind)
     assert schema["additionalProperties"] is False
     for name, part in _properties(schema):
@@ -95,8 +95,8 @@ WORDS = {"~": None, "": None, "null": None, "true": True, "False": False, "'12'"
 TWO_VERSIONS = {**dict(zip(TEXTS, TEXTS, strict=True)), **VALUES, **WORDS}
 
 
-def test_yaml_is_read_as_1_2_and_written_for_both_versions() -> None:
-    """Written by us, a text is that text to a reader of YAML 1.1, too."""
+def test_yaml_is_read_as_1_2_and_written_for_1_1_and_1_2() -> None:
+    """A text that we write is the same text to a reader of YAML 1.1."""
     for text, value in TWO_VERSIONS.items():
         loaded = loaded_yaml(f"key: {text}", "a.yaml")["key"]
         assert (loaded, type(loaded)) == (value, type(value)), text

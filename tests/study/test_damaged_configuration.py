@@ -1,4 +1,6 @@
-"""A damaged study, sheet, layout, model, mapping, plan or table is read, or refused in one sentence."""
+"""Damaged studies, sheets, layouts, models, mappings, plans and tables are read or refused in one
+sentence.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Findings: kinds that users rely on, their sentences, what accepting does, and what of them is one item."""
+"""Findings: their kinds, sentences, acceptance, and grouping into items."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ VALUES: dict[str, Any] = {
     "spiked": [["hand", 780, 3.25], ["index_distal", 12]], "groups": "[A, B, C]",
     "reason": "internal error in check_recordings (KeyError: 1)",
 }  # fmt: skip
-"""A value for every placeholder of a sentence."""
+"""A value for every placeholder of the sentences."""
 
 FORMS: tuple[dict[str, Any], ...] = (
     {},
@@ -50,7 +50,7 @@ FORMS: tuple[dict[str, Any], ...] = (
     {"others": 0, "unmapped": True, "duration_s": 0.2, "turn_axis": "", "subject": "01"},
     {"subject": "01", "session": "late"},
 )
-"""Values by which sentences differ: of one and of several, with and without a mapping or another person."""
+"""Values that change the sentences: singular and plural, with and without a mapping or another person."""
 
 EVIDENCE: dict[str, dict[str, Any]] = {
     "scale": {"before": 0.01, "after": 0.98},
@@ -73,7 +73,7 @@ def finding_of_key(key: str, **values: Any) -> Finding:
 
 
 def examples() -> list[Finding]:
-    """Every kind and variant in each of its forms, and one with each kind of evidence."""
+    """Return every kind and variant in each of its forms, and a finding with each kind of evidence."""
     every = [finding_of_key(key, **form) for key in (*MISTAKES, *PROBLEMS) for form in FORMS]
     in_row = {name: value for name, value in VALUES.items() if name != "first_s"} | {"first_row": 12}
     every += [
@@ -106,14 +106,14 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
     assert fault.seen[3].evidence == "the hand comes out 0.13 times the average size, put right 1 times"
 
 
-def test_a_fault_of_one_recording_is_its_sentence() -> None:
+def test_a_fault_of_one_recording_is_its_findings_sentence() -> None:
     for finding in examples():
         (fault,) = faults(rows(finding, 1))
         assert fault.text == finding.message == row_sentence(rows(finding, 1)[0])
         assert fault.seen == (Seen(rows(finding, 1)[0]),)
 
 
-def test_another_cure_variant_severity_or_reason_is_another_item() -> None:
+def test_findings_with_different_cures_or_severities_are_separate_items() -> None:
     different = [
         units(0.1),
         finding_of_key("units/positions-small", true="inch"),
@@ -126,7 +126,7 @@ def test_another_cure_variant_severity_or_reason_is_another_item() -> None:
     assert [len(fault.seen) for fault in faults(every)] == [2] * 6
 
 
-def test_evidence_stands_where_it_is_seen() -> None:
+def test_evidence_is_listed_with_each_recording() -> None:
     (fault,) = faults(rows(finding_of_key("receivers-swapped", seen="gap", **EVIDENCE["gap"]), 2))
     assert "gap" not in fault.text
     assert {seen.evidence for seen in fault.seen} == {
@@ -134,7 +134,7 @@ def test_evidence_stands_where_it_is_seen() -> None:
     }
 
 
-def test_kinds_are_those_of_the_contract() -> None:
+def test_the_kinds_are_those_documented_for_users() -> None:
     expected = (
         "quaternion-order, quaternion-inverse, euler-order, units, time-unit, clock, hemisphere, "
         "receiver-stuck, sudden-change, spikes, receivers-swapped, digits-swapped, wrong-hand, "
@@ -159,7 +159,7 @@ def test_the_examples_cover_every_kind_and_variant() -> None:
 
 
 @pytest.mark.parametrize("finding", examples(), ids=lambda each: f"{each.kind}-{each.variant}")
-def test_every_findings_sentence_is_complete_and_its_columns_read_back(finding: Finding) -> None:
+def test_findings_have_complete_sentences_and_survive_a_round_trip(finding: Finding) -> None:
     message = finding.message
     assert not message[0].islower() or finding.kind not in KINDS
     assert not re.search(r"  |\{\w*\}|None|\[\]|: :|,,", message)
@@ -169,7 +169,7 @@ def test_every_findings_sentence_is_complete_and_its_columns_read_back(finding: 
     assert again.message == columns["message"] == message
 
 
-def test_a_sentence_says_what_is_seen_how_much_it_matters_and_what_to_write() -> None:
+def test_a_sentence_has_the_mistake_its_effect_and_the_cure() -> None:
     swapped = examples()[-1]
     assert swapped.what == ("The receivers index_middle and index_distal seem to be swapped")
     assert swapped.message == (

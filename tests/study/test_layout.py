@@ -1,4 +1,4 @@
-"""Layouts: those that ship are as documented, and every contradiction in one is refused."""
+"""Layouts: the shipped ones are as documented, and contradictions are refused."""
 
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ def read(tmp_path: Path, config: dict[str, Any]) -> Layout:
     return read_layout("finger.yaml", tmp_path)
 
 
-def test_smaller_layouts_are_the_hand_with_fewer_receivers() -> None:
+def test_smaller_layouts_are_the_same_hand_with_fewer_receivers() -> None:
     hand = read_layout("liberty16")
     tips = {"hand", *(digit.tip for digit in hand.digits.values())}
     for name, worn in (("tips-and-hand", tips), ("two-hands-7", tips | {"thumb_metacarpal"})):
@@ -59,7 +59,7 @@ def test_liberty16_has_the_joints_and_digits_of_a_hand() -> None:
     assert (layout.wrist.joint, layout.wrist.segment) == ("wrist", "hand")
 
 
-def test_a_plane_is_the_childs_lateral_one_unless_told(tmp_path: Path) -> None:
+def test_a_plane_is_the_childs_sagittal_one_by_default(tmp_path: Path) -> None:
     plane = read(tmp_path, FINGER).joints["mcp"].plane
     assert (plane.frame, plane.point_mm, plane.normal) == ("child", (0, 0, 0), (0, 1, 0))
     config = put(FINGER, "joints.mcp.plane", {"frame": "parent", "point_mm": [1, 2, 3]})
@@ -95,14 +95,14 @@ def test_a_plane_is_the_childs_lateral_one_unless_told(tmp_path: Path) -> None:
         ("digits", None, "the key 'digits' is missing"),
     ],
 )
-def test_a_contradiction_is_refused(tmp_path: Path, path: str, value: Any, message: str) -> None:
+def test_a_contradiction_in_a_layout_is_refused(tmp_path: Path, path: str, value: Any, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read(tmp_path, put(FINGER, path, value))
     assert str(caught.value).startswith(str(tmp_path / "finger.yaml"))
 
 
-def test_the_error_wanted_of_a_joint_depends_on_the_limb(tmp_path: Path) -> None:
-    """A hand is known by its wrist or by its fingers' names; a layout may ask for anything."""
+def test_the_wanted_error_of_a_joint_depends_on_the_limb(tmp_path: Path) -> None:
+    """A hand is recognised by its wrist or the names of its fingers; a layout may set any value."""
     wanted_mm = {name: read_layout(name).wanted_mm for name in shipped_names("layout")}
     assert wanted_mm.pop("arm") == 10.0
     assert {*wanted_mm.values()} == {2.0}

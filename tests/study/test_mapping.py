@@ -1,4 +1,4 @@
-"""Mappings: the guide's examples load, and what does not belong together is refused by name."""
+"""Mappings: the guide's examples are valid, and contradictions are refused with their key."""
 
 import re
 from pathlib import Path
@@ -36,7 +36,7 @@ C3D: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("text", EXAMPLES, ids=lambda text: text.splitlines()[0])
-def test_the_guides_mappings_are_mappings(tmp_path: Path, text: str) -> None:
+def test_the_guides_mappings_are_valid(tmp_path: Path, text: str) -> None:
     (tmp_path / "mapping.yaml").write_text(text, "utf-8")
     mapping = read_mapping(tmp_path / "mapping.yaml")
     assert mapping.format == yaml.safe_load(text)["format"]
@@ -47,7 +47,7 @@ def check(config: dict[str, Any]) -> FileMapping:
 
 
 @pytest.mark.parametrize("config", [WIDE, LONG, C3D])
-def test_defaults_are_filled_in_and_units_become_millimetres(config: dict[str, Any]) -> None:
+def test_defaults_are_filled_in_and_units_converted_to_mm(config: dict[str, Any]) -> None:
     mapping = check(config)
     assert mapping.mm_per_unit == {"cm": 10, "m": 1000, "mm": 1}[config["position_unit"]]
     assert mapping.fixed == ()

@@ -1,4 +1,4 @@
-"""Skeleton models: those that ship are the paper's tables, and a file bears its model's name."""
+"""Skeleton models: the shipped ones, their relation to the paper's tables, and refusals."""
 
 from pathlib import Path
 
@@ -10,14 +10,14 @@ from shukotsu.study.model import read_model
 
 
 @pytest.mark.parametrize("name", shipped_names("model"))
-def test_every_model_that_ships_is_read(name: str) -> None:
+def test_every_shipped_model_is_read(name: str) -> None:
     model = read_model(name)
     assert model.name == name
     assert model.description
 
 
 def test_each_table_of_the_paper_has_its_model() -> None:
-    """What tells the four tables of the paper apart, and that each has a model."""
+    """The models of the paper's four tables differ in the expected settings."""
     tables = {
         model.paper_table: model for model in map(read_model, shipped_names("model")) if model.paper_table
     }

@@ -1,4 +1,4 @@
-"""Subjects' plans: what the study says of a subject, resolved, and nothing of other subjects."""
+"""Subjects' plans: the study's resolved settings of one subject, independent of other subjects."""
 
 import json
 from pathlib import Path
@@ -49,7 +49,7 @@ def plan(folder: Path, *rows: str, subject: str = "01", **more: Any) -> SubjectP
     return plan_from_content(content(file, subject), "plan.json")
 
 
-def test_a_plan_reads_back_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_is_read_back_as_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     file = write_study(Path("study"), *ROWS, models=("rigid", "whole-hand"), **SHEETS)
     path = write_plans(file)["01"]
@@ -84,7 +84,7 @@ CORRECTED = SHEETS["corrections"].replace("\n", "\n02 left wrist 1 1 1\n", 1)
     ],
     ids=["other-row", "other-size", "row-above", "own-size"],
 )
-def test_a_plan_changes_with_its_own_subject_alone(
+def test_a_plan_changes_only_with_its_own_subject(
     tmp_path: Path, sheets: dict[str, str], rows: tuple[str, ...], same: bool
 ) -> None:
     before = content(write_study(tmp_path, *ROWS, **SHEETS), "01")
@@ -93,8 +93,8 @@ def test_a_plan_changes_with_its_own_subject_alone(
     assert (plan_digest(after) == plan_digest(before)) == same
 
 
-def test_what_the_study_asks_of_a_joint_concerns_those_who_judge_alone(tmp_path: Path) -> None:
-    """Neither a check of recordings nor a fit runs again for it."""
+def test_the_wanted_error_affects_only_the_judging_stages(tmp_path: Path) -> None:
+    """Checks of recordings and fits do not run again after a change of wanted_mm."""
     file = write_study(tmp_path, *ROWS, models=("rigid", "whole-hand"))
 
     def plans() -> tuple[dict[str, Any], ...]:
@@ -128,7 +128,7 @@ def tasks(recordings: Any) -> str:
     ],
     ids=["all-roles", "none-of-both", "only-evaluation", "excluded", "other-hands"],
 )
-def test_which_recordings_calibrate_and_which_are_evaluated(
+def test_roles_decide_which_recordings_calibrate_and_are_evaluated(
     tmp_path: Path, rows: tuple[str, ...], from_evaluated: str, from_all: str, evaluated: str
 ) -> None:
     read = plan(tmp_path, *rows)
@@ -149,7 +149,7 @@ def test_which_recordings_calibrate_and_which_are_evaluated(
     ],
     ids=["with-a-calibration", "the-papers", "each-other", "held-out-anyhow", "nothing-left", "other-hands"],
 )
-def test_tasks_that_are_left_out_in_turn(
+def test_tasks_are_left_out_in_turn_for_held_out_scores(
     tmp_path: Path, rows: tuple[str, ...], model: str, left_out: dict[str, str]
 ) -> None:
     read = plan(tmp_path, *rows)
@@ -161,7 +161,7 @@ def test_tasks_that_are_left_out_in_turn(
     assert parts == [Part(RIGHT, model, task, "01") for task in ("", *left_out)]
 
 
-def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(tmp_path: Path) -> None:
+def test_a_hand_with_a_suspect_or_refused_recording_is_doubted(tmp_path: Path) -> None:
     rows = ("01 right rom both a.csv", "01 left rom both b.csv", "01 left grip evaluation c.csv")
     plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     for severity, doubted in (("note", ""), ("suspect", "grip"), ("refused", "grip")):

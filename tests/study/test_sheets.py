@@ -1,4 +1,4 @@
-"""Sheets: every bad cell is named by file, row and column; what people's editors do to a file is fine."""
+"""Sheets: bad cells are refused with file, row and column; files are read as saved by any editor."""
 
 from pathlib import Path
 
@@ -32,15 +32,17 @@ def written(tmp_path: Path, lines: list[str], end: str = "\n", encoding: str = "
     [("\n", "utf-8"), ("\r\n", "utf-8"), ("\r", "utf-8"), ("\n", "utf-8-sig"), ("\n\n \t\n", "utf-8")],
     ids=["plain", "crlf", "cr", "bom", "empty-lines"],
 )
-def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: str) -> None:
+def test_a_sheet_is_read_with_any_line_ends_and_encoding(tmp_path: Path, end: str, encoding: str) -> None:
     (row,) = read_sheet(written(tmp_path, RECORDING, end, encoding), RECORDINGS)
     stated = dict(zip(RECORDING[0].split("\t"), RECORDING[1].split("\t"), strict=True))
     empty = ("session", "trial", "layout", "mapping", "exclude", "accept", "events", "pulses")
     assert row.values == stated | dict.fromkeys(empty, "") | {"format": "auto", "hemisphere": "keep"}
 
 
-def test_a_sheet_as_a_spreadsheet_saves_it(tmp_path: Path) -> None:
-    """Empty columns and rows, a cell in quotation marks that holds some, UTF-16, cells that mean no value."""
+def test_a_sheet_saved_by_a_spreadsheet_is_read(tmp_path: Path) -> None:
+    """It has empty columns and rows, quotation marks inside a quoted cell, UTF-16, and markers of missing
+    values.
+    """
     lines = [f"{RECORDING[0]}\tformat\t\t", '01\tright\trom\tboth\t"a ""b"", 1.csv"\tn/a\t\t\t', "\t" * 7]
     (row,) = read_sheet(written(tmp_path, lines, "\r\n", "utf-16"), RECORDINGS)
     assert (row["file"], row["format"]) == ('a "b", 1.csv', "auto")
@@ -51,7 +53,7 @@ def test_a_sheet_as_a_spreadsheet_saves_it(tmp_path: Path) -> None:
 TOUCH = "subject\thand\ttask\tdigit\tfrom_s\tto_s"
 
 
-def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
+def test_a_touch_needs_a_point_or_a_second_digit(tmp_path: Path) -> None:
     cells = "01\tleft\trom\tthumb\t1\t2"
     (row,) = read_sheet(written(tmp_path, [f"{TOUCH}\tmeets", f"{cells}\tindex"]), TOUCHES)
     assert (row["meets"], row["part"], row["x_mm"], row["sd_mm"]) == ("index", "", None, None)
@@ -100,7 +102,7 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
          "row 2, column sd_mm: is '-1'; expected a number above zero"),
     ],
 )  # fmt: skip
-def test_a_bad_cell_is_refused_by_name(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
+def test_a_faulty_sheet_is_refused(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
     path = written(tmp_path, lines)
     with pytest.raises(InputError, match=message) as caught:
         read_sheet(path, sheet)
@@ -116,8 +118,8 @@ def test_the_first_five_bad_cells_are_reported_together(tmp_path: Path) -> None:
 
 
 def test_further_columns_of_a_sheet_are_kept(tmp_path: Path) -> None:
-    """Near is a name only to a column that is not there: `mask` is no typo beside `task`; a missing length is
-    none, not zero.
+    """A name is taken for a typo only of a missing column, so `mask` is allowed beside `task`. A missing
+    length is None, not zero.
     """
     lines = [f"{RECORDING[0]}\tnote\tmask\tsession_date", f"{RECORDING[1]}\twarm\tyes\t3 May"]
     (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
@@ -129,7 +131,7 @@ def test_further_columns_of_a_sheet_are_kept(tmp_path: Path) -> None:
 
 
 @given(name=st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1))
-def test_any_name_without_spaces_and_controls_comes_back(
+def test_names_without_spaces_and_control_characters_are_kept(
     tmp_path_factory: pytest.TempPathFactory, name: str
 ) -> None:
     path = written(tmp_path_factory.mktemp("sheets"), ["subject", name])
@@ -138,7 +140,7 @@ def test_any_name_without_spaces_and_controls_comes_back(
 
 
 @pytest.mark.parametrize("column", ["exclude", "accept"])
-def test_a_word_for_no_is_no_reason(tmp_path: Path, column: str) -> None:
+def test_words_for_no_are_not_reasons(tmp_path: Path, column: str) -> None:
 
     def reason(word: str) -> str:
         lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]

@@ -1,4 +1,4 @@
-"""What 95 % means of a covariance: of drawn errors, as many are within it and within its radius."""
+"""95 % bounds of a covariance: 95 % of simulated errors are inside the ellipsoid and its radius."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from shukotsu.study.stated_error import BALL_95, halves_mm2, is_within_95, radiu
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sds", [(1.0, 1.0, 1.0), (3.0, 1.0, 1.0), (3.0, 3.0, 1.0), (4.0, 0.5, 0.1)])
-def test_95_percent_are_inside_whatever_its_shape(sds: tuple[float, ...]) -> None:
-    """A fixed 1.614 sd holds 91 % of errors that are three times as large one way."""
+def test_95_percent_of_errors_are_inside_for_any_shape(sds: tuple[float, ...]) -> None:
+    """A fixed 1.614 sd would include only 91 % of errors with an sd three times as large in one direction."""
     rng = np.random.default_rng(1)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     covariance, off = turn @ np.diag(np.square(sds)) @ turn.T, rng.normal(size=(20_000, 3)) * sds @ turn.T
@@ -22,7 +22,9 @@ def test_95_percent_are_inside_whatever_its_shape(sds: tuple[float, ...]) -> Non
 
 
 def test_an_error_without_a_covariance_is_not_judged() -> None:
-    """A point that was set has no covariance; a flat one holds nothing off its plane; an sd is a ball."""
+    """A fixed point has no covariance; a flat covariance excludes errors off its plane; an sd alone is a
+    ball.
+    """
     parent, child = halves_mm2(np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]).ravel(), 1.0)
     assert is_within_95(np.zeros(3), parent) is None
     assert is_within_95(np.array([1.0, 1.0, 0.0]), child) is True

@@ -1,4 +1,4 @@
-"""Studies: paths, roles, and what two rows of a sheet may not do to each other."""
+"""Studies: paths, roles, sessions, events, factors and contradictions between rows of the sheets."""
 
 from pathlib import Path
 
@@ -21,7 +21,9 @@ def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
 
 
 def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
-    """Recordings too, although another file names them; layouts and models that ship go by their names."""
+    """Recordings are relative to it too, although the sheet names them; shipped layouts and models are found
+    by name.
+    """
     read = study(
         tmp_path,
         "01 right rom both data/rom.csv",
@@ -38,7 +40,7 @@ def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
     assert read.simulation.folder == tmp_path / "made"
 
 
-def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
+def test_a_study_may_use_its_own_layouts_and_models(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("model: mine\ndescription: My own.\n")
     (tmp_path / "wing.yaml").write_bytes((CONFIG_FOLDER / "layouts" / "arm.yaml").read_bytes())
     (tmp_path / "recordings.tsv").write_text(f"{HEADER}\n01\tright\trom\tboth\tr.csv\t\twing.yaml\n")
@@ -50,8 +52,8 @@ def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
     assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
 
 
-def test_the_study_s_mapping_is_that_of_rows_which_may_need_one(tmp_path: Path) -> None:
-    """Neither of a row that names its own or its format, nor of files that say themselves what they hold."""
+def test_the_studys_mapping_applies_to_rows_that_may_need_one(tmp_path: Path) -> None:
+    """It does not apply to rows that name a mapping or a format, nor to files of self-describing formats."""
     head = "subject\thand\ttask\trole\tfile\tmapping\tformat"
     rows = ("a a.csv", "b b.c3d own.yaml", "c c.csv - csv", "d d.arrows", "e E.PARQUET")
     cells = (["01", "right", task, "both", *more] for task, *more in map(str.split, rows))
@@ -68,12 +70,12 @@ def test_the_study_s_mapping_is_that_of_rows_which_may_need_one(tmp_path: Path) 
 @example("a.b", "a%2Eb")
 @example("é", "e\u0301")
 @example("a/b", "a_b")
-def test_two_names_never_share_a_path(first: str, second: str) -> None:
+def test_different_names_never_share_a_path(first: str, second: str) -> None:
     assert (path_token(first) == path_token(second)) == (first == second)
 
 
 @given(st.text())
-def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
+def test_any_name_becomes_one_safe_part_of_a_path(name: str) -> None:
     token = path_token(name)
     assert all(letter.isalnum() or letter in "-_%" for letter in token)
     assert path_token(token.replace("%", "")) == token.replace("%", "")
@@ -96,12 +98,12 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
         (("01 right a both a.csv",), "particpants: no.tsv\n", "unknown key 'particpants'.*'participants'"),
     ],
 )  # fmt: skip
-def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
+def test_contradictions_are_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         study(tmp_path, *rows, more=more)
 
 
-def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) -> None:
+def test_each_correction_that_cannot_be_applied_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "corrections.tsv"
     joints = "right thumb_ip", "left thumb_ip", "right thumb_pi", "right xyz", "right index_cmc"
     rows = [f"01 {joint} 1 2 3".replace(" ", "\t") for joint in joints]
@@ -182,8 +184,10 @@ def study_of_factors(tmp_path: Path, factors: str, participants: str = "group") 
     return read_study(tmp_path / "study.yaml")
 
 
-def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path) -> None:
-    """A participant without a row, an empty cell and n/a have no level; what only calibrates has no row."""
+def test_factor_levels_come_from_either_sheet(tmp_path: Path) -> None:
+    """A participant without a row, an empty cell and n/a have no level; calibration recordings have no
+    row.
+    """
     names = ("subject", "session", "hand", "task", "trial", "group", "condition")
     rows = factor_levels(study_of_factors(tmp_path, "group, condition, session"))
     assert [tuple(row[name] for name in names) for row in rows] == [

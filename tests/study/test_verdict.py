@@ -1,4 +1,4 @@
-"""One rule for every joint and bone: ordered by the stated error, lowered by what contradicts it."""
+"""Verdicts on joints: they follow from the stated error and are lowered by doubts."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_doubts_are_listed_by_weight_with_their_numbers() -> None:
     ]
 
 
-def test_a_suspect_hand_judges_nothing_and_says_what_else_is_known() -> None:
+def test_joints_of_a_suspect_hand_are_not_believed_and_keep_other_doubts() -> None:
     suspect = {"suspect-recording": {"recordings": ["rom"]}}
     row = judged_joint(ROW | {"sd_mm": 2.5}, FINGER_MM, suspect)
     assert (row["verdict"], row["reason"], row["status"]) == (NO, "suspect-recording", "weak")
@@ -67,7 +67,7 @@ def test_a_suspect_hand_judges_nothing_and_says_what_else_is_known() -> None:
 
 
 @given(sizes, sizes, nullable, nullable, st.floats(0.5, 20.0), st.lists(kinds, max_size=2))
-def test_a_smaller_error_without_more_against_it_is_never_judged_worse(
+def test_a_smaller_error_with_fewer_doubts_is_never_judged_worse(
     sd_mm: float, other_mm: float, gap_mm: float | None, range_deg: float | None, wanted_mm: float, more: Any
 ) -> None:
     small, large = sorted((sd_mm, other_mm))

@@ -1,4 +1,4 @@
-"""For how long frames were recorded, and where the clock is off, however it is."""
+"""The duration of a recording and faults of the device's clock."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ STOOD = (FRAME >= 1800) & (FRAME < 2400)
         (np.where(LATE, T[1800], T), "still", 0.0),
     ],
 )
-def test_a_clock_that_does_not_run_on(time_s: Array, kind: str, by_s: float) -> None:
+def test_a_clock_fault_is_located_and_the_duration_right(time_s: Array, kind: str, by_s: float) -> None:
     duration_s, (step,) = device_clock(time_s, FRAME)
     assert duration_s == pytest.approx(T[-1], abs=1e-4)
     assert (step.kind, step.row, step.by_s) == (kind, 1800, pytest.approx(by_s, rel=1e-6))
     grid = grid_of(time_s)
     assert grid is not None
-    assert grid.step_s == pytest.approx(1 / 240, rel=1e-6), "so that speeds are as without it"
+    assert grid.step_s == pytest.approx(1 / 240, rel=1e-6), "speeds are not affected"
 
 
 @pytest.mark.parametrize("time_s", [T, np.floor(T), np.floor(T * 30) / 30, np.round(T, 3)])
-def test_stamps_may_be_coarse_or_come_in_bursts(time_s: Array) -> None:
+def test_coarse_or_bursty_time_stamps_are_not_faults(time_s: Array) -> None:
     assert device_clock(time_s, FRAME) == (pytest.approx(T[-1], abs=1e-3), [])
 
 
-def test_a_clock_without_information_gives_no_duration() -> None:
+def test_a_clock_that_stands_still_gives_no_duration() -> None:
     duration_s, (step,) = device_clock(np.full(3600, 7.0))
     assert (duration_s, step.kind, step.rows) == (None, "still", 3600)
     assert device_clock(np.full(9, np.nan)) == (None, [])
-    assert device_clock(T + 5 * LATE, FRAME + 1200 * LATE)[1] == [], "frames are missing as long as that"
+    assert device_clock(T + 5 * LATE, FRAME + 1200 * LATE)[1] == [], "as many frames are missing"

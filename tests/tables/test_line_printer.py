@@ -1,4 +1,4 @@
-"""The progress of a long command: a bar on a terminal that is gone afterwards, silence elsewhere."""
+"""The progress of a long command: a bar on terminals that is erased at the end, and nothing elsewhere."""
 
 import io
 import sys
@@ -8,7 +8,7 @@ import pytest
 from shukotsu.tables.line_printer import LinePrinter, progress
 
 
-def test_a_terminal_sees_a_bar_and_afterwards_none(
+def test_a_terminal_shows_a_bar_that_is_erased_at_the_end(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with progress("recordings read", 4) as done:
@@ -22,7 +22,7 @@ def test_a_terminal_sees_a_bar_and_afterwards_none(
     assert printed.endswith(f"\r{' ' * len('[] 2 of 4 recordings read')}{' ' * 30}\r")
 
 
-def test_a_line_is_written_over_the_one_before_and_one_that_stays_below() -> None:
+def test_a_line_overwrites_the_previous_one_and_a_note_stays() -> None:
     out = io.StringIO()
     out.isatty = lambda: True  # type: ignore[method-assign]
     printer = LinePrinter(out)
@@ -31,4 +31,4 @@ def test_a_line_is_written_over_the_one_before_and_one_that_stays_below() -> Non
     printer.say("note")
     assert out.getvalue() == f"\r240 Hz\r24 Hz \r{' ' * 5}\rnote\n"
     out.close()
-    printer.say("a terminal that went away is no error")
+    printer.say("a closed terminal is not an error")

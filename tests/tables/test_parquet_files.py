@@ -1,4 +1,4 @@
-"""Damage in a Parquet file: noticed wherever it is, by whichever function reads."""
+"""Damage anywhere in a Parquet file is noticed by every reading function."""
 
 import random
 from contextlib import suppress
@@ -54,8 +54,10 @@ KINDS = {"poses": (poses_file, all_of_poses), "joints": (joints_file, all_of_joi
 
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", KINDS)
-def test_no_flipped_bit_gives_another_number(tmp_path: Path, name: str, whole: bool) -> None:
-    """In pages, their headers, the footer, the metadata and the checksum itself; whole: one bit in 19."""
+def test_a_flipped_bit_never_gives_a_wrong_number(tmp_path: Path, name: str, whole: bool) -> None:
+    """Bits are flipped in pages, headers, footer, metadata and the checksum; whole : every 19th bit, else a
+    sample.
+    """
     make, read = KINDS[name]
     path = make(tmp_path / "t.parquet")
     clean, expected = path.read_bytes(), read(path)
@@ -65,12 +67,12 @@ def test_no_flipped_bit_gives_another_number(tmp_path: Path, name: str, whole: b
     for bit in range(0, bits, 19) if whole else sample:
         data = bytearray(clean)
         data[bit // 8] ^= 1 << bit % 8
-        path.unlink()  # another file on the disk: its time may be the same
+        path.unlink()  # a new file, as its modification time may be the same
         path.write_bytes(data)
         with suppress(TableError):
             assert read(path) == expected
             same += 1
-    assert same <= 20, "only the letters that stand before the checksum do not matter"
+    assert same <= 20, "only the letters before the checksum do not matter"
 
 
 @pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 3, b"x" * 100])
@@ -82,8 +84,8 @@ def test_files_that_are_not_parquet_are_refused(tmp_path: Path, content: bytes) 
 
 
 @pytest.mark.parametrize("made", [True, False])
-def test_only_what_a_run_made_is_called_removable(tmp_path: Path, made: bool) -> None:
-    """What is beside the plan of a run; anything else may be somebody's recording."""
+def test_only_results_of_a_run_are_advised_to_be_removed(tmp_path: Path, made: bool) -> None:
+    """Results are files beside the plan of a run; others may be recordings."""
     plan = tmp_path / "sub-01" / "plan.json"
     for path in (plan, plan.parent / "right" / "rom" / "poses.parquet", tmp_path / "gains.parquet"):
         path.parent.mkdir(parents=True, exist_ok=True)

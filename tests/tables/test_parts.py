@@ -1,4 +1,4 @@
-"""Subject tables in parts: every part's own rows come back, and a part that is not there says why."""
+"""Subjects' tables in parts: reading parts, missing parts and failed parts."""
 
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,7 @@ def bone(name: str, length_mm: float | None = None) -> dict[str, Any]:
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    """Two parts with rows, one in two calls, one part without rows and one that failed."""
+    """A table with two parts with rows, one written in two calls, one part without rows and a failed part."""
     path = tmp_path / "short.parquet"
     with parts_writer(path, SHORT, Provenance()) as writer:
         writer.rows(WHOLE, [bone("a", 1.0)], calibrated_on=["rom"])
@@ -83,10 +83,10 @@ parts = st.builds(Part, st.sampled_from(["right", "left"]), names, names, names)
 
 
 @given(st.dictionaries(parts, st.none() | st.lists(st.floats(allow_nan=False), max_size=3), max_size=5))
-def test_every_part_is_read_back_with_its_own_rows(
+def test_any_parts_are_read_back_with_their_rows(
     tmp_path_factory: pytest.TempPathFactory, contents: dict[Part, list[float] | None]
 ) -> None:
-    """Whatever their names, each with its own rows and no other's; None is a failure."""
+    """Names may contain any characters; None stands for a failed part."""
     path = tmp_path_factory.mktemp("parts") / "short.parquet"
     with parts_writer(path, SHORT, Provenance()) as writer:
         for part, lengths in contents.items():

@@ -1,4 +1,4 @@
-"""Reading poses tables: names, hands, and files that are not what they should be."""
+"""Reading poses tables: segments, blocks, names, hands and refusals."""
 
 from pathlib import Path
 
@@ -23,9 +23,10 @@ def write(
     group_frames: int | None = None,
     **name: str,
 ) -> Path:
-    """Write a poses table; numbers : (7,) or (rows, 7), by default receivers that stand still at the origin.
+    """Write a poses table.
 
-    group_frames : rows of a row group, by default a segment's.
+    numbers : (7,) or (rows, 7), by default receivers at rest at the origin. group_frames : rows per row
+    group, by default all of a segment.
     """
     n_rows = sum(map(len, frames_by_segment.values()))
     poses = np.broadcast_to(np.asarray(numbers), (n_rows, 7))
@@ -43,7 +44,7 @@ def write(
     return path
 
 
-def test_a_segment_that_the_file_lacks_is_never_valid(tmp_path: Path) -> None:
+def test_a_segment_missing_from_the_file_is_never_valid(tmp_path: Path) -> None:
     poses = read_poses(write(tmp_path / "p.parquet", {"hand": [4, 5]}), ("thumb", "hand"))
     np.testing.assert_array_equal(poses.valid, [[False, True]] * 2)
     assert np.isnan(poses.position_mm[:, poses.index("thumb")]).all()
@@ -53,7 +54,7 @@ def test_a_segment_that_the_file_lacks_is_never_valid(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("thumb", [[1, 2, 4], [1, 2], [1, 2, 3, 4]])
 @pytest.mark.parametrize("block_frames", [2, None])
-def test_segments_that_do_not_share_their_frames_are_refused(
+def test_segments_with_different_frames_are_refused(
     tmp_path: Path, thumb: list[int], block_frames: int | None
 ) -> None:
     path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": thumb})
@@ -74,13 +75,13 @@ def moving(path: Path, frames: int, group_frames: int, lost: slice = slice(0)) -
 def test_blocks_do_not_depend_on_row_groups(
     tmp_path: Path, group_frames: int, block_frames: int | None
 ) -> None:
-    """Blocks of the size asked for, which together are the whole recording, times and gaps too."""
+    """Blocks have the requested size and together are the whole recording, including times and gaps."""
     path = moving(tmp_path / "p.parquet", 20, group_frames, slice(5, 9))
     whole = read_poses(path, ("thumb", "hand"))
     assert not whole.valid[5:9, 0].any()
     assert whole.valid[:, 1].all()
     assert np.isnan(whole.position_mm[5:9, 0]).all()
-    np.testing.assert_array_equal(whole.time_s, np.arange(20) / 240)  # where one lacks it, the other's
+    np.testing.assert_array_equal(whole.time_s, np.arange(20) / 240)  # some times are in one segment only
     assert np.flatnonzero(np.isnan(read_poses(path, ("hand",)).time_s)).tolist() == [0, 7, 14]
     blocks = list(pose_blocks(path, ("thumb", "hand"), block_frames))
     assert [len(block.frame) for block in blocks[:-1]] == [block_frames] * (len(blocks) - 1)

@@ -1,4 +1,4 @@
-"""What became of a recording, from its poses table."""
+"""The summary of a recording from its poses table."""
 
 from pathlib import Path
 from typing import Any
@@ -49,8 +49,8 @@ GAPS = np.arange(N_FRAMES * len(SEGMENTS)) % 7 != 0
 
 
 @pytest.mark.parametrize("rows", [9, 40, 120], ids=["parts-of-segments", "one-segment", "all"])
-def test_gaps_and_missing_frames_count(tmp_path: Path, rows: int) -> None:
-    """The same however the rows lie in the file; what the layout expects and the file lacks counts, too."""
+def test_gaps_and_missing_frames_reduce_the_valid_percentage(tmp_path: Path, rows: int) -> None:
+    """Segments that the layout expects and the file lacks count as gaps; row groups make no difference."""
     path = poses(tmp_path / "p.parquet", {"missing_frames": 10, "absent": ["little"]}, GAPS, rows=rows)
     row, problems = recording_row(RECORDING, path)
     assert row["n_frames"] == N_FRAMES
@@ -61,7 +61,7 @@ def test_gaps_and_missing_frames_count(tmp_path: Path, rows: int) -> None:
     )
 
 
-def test_a_failed_import_and_an_excluded_recording(tmp_path: Path) -> None:
+def test_a_failed_or_excluded_recording_has_its_reason(tmp_path: Path) -> None:
     path = tmp_path / "p.parquet"
     write_failure(path, POSES, "a.csv: row 7: not a number", Provenance())
     row, problems = recording_row(RECORDING, path)

@@ -1,4 +1,4 @@
-"""Typed tables: what is written comes back, and nothing else is accepted."""
+"""Typed tables: round trips, metadata and refusals."""
 
 import json
 from pathlib import Path
@@ -62,7 +62,7 @@ def values_of(column: Column) -> st.SearchStrategy[Any]:
 
 @settings(max_examples=40)
 @given(table=st.sampled_from([*TABLES.values()]), data=st.data())
-def test_every_table_comes_back_as_it_was(
+def test_every_table_survives_a_round_trip(
     tmp_path_factory: pytest.TempPathFactory, table: Table, data: st.DataObject
 ) -> None:
     columns = table.columns
@@ -74,7 +74,7 @@ def test_every_table_comes_back_as_it_was(
 
 
 def test_units_are_in_names_and_metadata() -> None:
-    """A column whose name ends in a unit declares that unit; all of it can be read from the file."""
+    """A column whose name ends in a unit declares that unit, and the file's metadata contains it."""
     units = {"_mm_s": "mm/s", "_deg_s": "deg/s", "_mm": "mm", "_s": "s", "_ms": "ms", "_deg": "deg"}
     units |= {"_percent": "%", "_mm2": "mm^2", "_ppm": "ppm"}  # the longer ending first
     for table in TABLES.values():
@@ -117,7 +117,7 @@ def test_the_same_columns_give_the_same_bytes(tmp_path: Path) -> None:
         ({"more": [1, 2]}, "small: columns missing or left over: more"),
     ],
 )
-def test_what_the_declaration_forbids_is_not_written(
+def test_columns_that_violate_the_schema_are_not_written(
     tmp_path: Path, changes: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
@@ -127,8 +127,8 @@ def test_what_the_declaration_forbids_is_not_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_table_in_parts_has_a_row_group_a_part(tmp_path: Path) -> None:
-    """The same rows as at once; no part at all is a table without rows, a part that fails no table."""
+def test_a_table_in_parts_has_a_row_group_per_part(tmp_path: Path) -> None:
+    """Without any part the table has no rows; if a part fails, no table is written."""
     parts = [{"name": [name], "count": [n], "length_mm": [None]} for n, name in enumerate("abc")]
     path = tmp_path / "t.parquet"
     assert write_table_in_parts(path, SMALL, iter(parts), Provenance()) == 3
@@ -165,7 +165,7 @@ def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:
     ],
     ids=["absent", "cut", "text", "folder", "foreign", "other", "version", "column", "type"],
 )
-def test_a_table_that_is_not_the_one_expected(tmp_path: Path, spoil: Any, message: str) -> None:
+def test_a_table_that_is_not_the_expected_one_is_refused(tmp_path: Path, spoil: Any, message: str) -> None:
     path = tmp_path / "t.parquet"
     write_table(path, SMALL, COLUMNS, Provenance())
     spoil(path, read_table(path, SMALL))
@@ -174,7 +174,7 @@ def test_a_table_that_is_not_the_one_expected(tmp_path: Path, spoil: Any, messag
     assert str(caught.value).startswith(str(path))
 
 
-def test_a_recorded_failure_is_told_to_whoever_reads_it(tmp_path: Path) -> None:
+def test_reading_a_recorded_failure_raises_its_message(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     write_failure(path, POSES, "rom.csv: line 3: the reason", Provenance(parameters={"subject": "01"}))
     with pytest.raises(InputError, match=r"^rom\.csv: line 3: the reason$"):

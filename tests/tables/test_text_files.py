@@ -1,4 +1,4 @@
-"""Text files: a sentence for all that is none, before anything of it is read."""
+"""Reading text files: refusal of other kinds, unreadable paths and excessive contents."""
 
 import os
 from pathlib import Path
@@ -33,7 +33,7 @@ def test_files_that_are_not_text_are_refused_by_kind(tmp_path: Path, content: by
             open_text(path, "a sheet")
 
 
-def test_a_text_is_read_however_its_lines_end(tmp_path: Path) -> None:
+def test_a_text_is_read_with_any_line_ends(tmp_path: Path) -> None:
     path = tmp_path / "a.tsv"
     path.write_bytes(b"\xef\xbb\xbfa\r\nb\rc\n")
     assert read_text(path, "a sheet") == "a\nb\nc\n"
@@ -62,7 +62,7 @@ def test_unreadable_paths_are_refused_with_the_reason(tmp_path: Path) -> None:
 
 
 def bomb(depth: int) -> str:
-    """Lists of nine of the list before: 9**depth values in a few lines."""
+    """Return YAML of nested aliases that expands to 9**depth values."""
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, depth)]
     return "\n".join(lines)
@@ -89,9 +89,7 @@ REST = "recordings: r.tsv\nlayout: arm\nmodels: [rigid]\n"
         ("x" * 2_100_000, "has 2100000 bytes; expected a study file, at most 2000000 bytes"),
     ],
 )
-def test_a_small_configuration_that_unfolds_to_too_much_is_refused(
-    tmp_path: Path, text: str, message: str
-) -> None:
+def test_a_configuration_with_excessive_contents_is_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "study.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message) as caught:

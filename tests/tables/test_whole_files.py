@@ -1,4 +1,4 @@
-"""Files: whole or not at all, also after a writer was killed."""
+"""Files are written atomically, also if the writer is killed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shukotsu.tables.typed_table import Provenance
 from shukotsu.tables.whole_files import files_in, write_text
 
 
-def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_the_file_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     write_text(path, "before")
     with pytest.raises(UnicodeEncodeError):
@@ -22,8 +22,8 @@ def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_only_a_file_is_replaced(tmp_path: Path) -> None:
-    """A device that whoever may do all writes to would be gone for every program."""
+def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
+    """Otherwise root could replace a device file, which would be lost for all programs."""
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path):
         with pytest.raises(StorageError, match=r"cannot be written .is a folder or a device.; name a file"):
@@ -31,7 +31,7 @@ def test_only_a_file_is_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "pipe").is_fifo()
 
 
-def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_is_before_the_end(
+def test_a_file_is_synced_before_its_renaming_and_its_folder_after(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     happened: list[str] = []
@@ -51,8 +51,8 @@ def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_is_before_the
     assert happened == [f"synced {temporary}", f"renamed {temporary}", f"synced {tmp_path.name}"]
 
 
-def test_what_cannot_be_synced_is_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Network file systems say only then that the disk is full."""
+def test_a_file_that_cannot_be_synced_is_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Network file systems report a full disk only when a file is synced."""
     path = tmp_path / "a.txt"
     write_text(path, "before")
 
@@ -66,7 +66,7 @@ def test_what_cannot_be_synced_is_not_renamed(tmp_path: Path, monkeypatch: pytes
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) -> None:
+def test_the_temporary_file_of_a_killed_writer_is_removed_later(tmp_path: Path) -> None:
     left = tmp_path / ".a.txt.4194305.tmp"
     others = [tmp_path / name for name in (".a.txt.b.7.tmp", ".aatxt.7.tmp", ".b.txt.7.tmp", ".a.txt.unit")]
     for path in (left, *others):
@@ -76,8 +76,8 @@ def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("length", [200, 230, 255])
-def test_a_name_may_be_as_long_as_a_file_system_takes(tmp_path: Path, length: int) -> None:
-    """A longer one is bad input, and no trouble of the disk."""
+def test_a_name_may_be_as_long_as_the_file_system_allows(tmp_path: Path, length: int) -> None:
+    """A longer name is an input error, not a storage error."""
     write_text(tmp_path / ("a" * length), "text")
     assert [path.name for path in tmp_path.iterdir()] == ["a" * length]
     with pytest.raises(InputError, match="File name too long") as caught:
@@ -85,7 +85,7 @@ def test_a_name_may_be_as_long_as_a_file_system_takes(tmp_path: Path, length: in
     assert not isinstance(caught.value, StorageError)
 
 
-def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:
+def test_hidden_files_are_ignored_in_a_folder(tmp_path: Path) -> None:
     for name in ("b.csv", "a.csv", ".a.csv.7.tmp", ".b.csv.swp"):
         (tmp_path / name).write_text(name)
     (tmp_path / "folder").mkdir()

@@ -1,4 +1,4 @@
-"""The raw archive: what was flushed is there, whatever happens to the file afterwards."""
+"""The raw archive: flushed rows can be read after truncation, damage or a kill, and while the file grows."""
 
 import os
 import random
@@ -66,7 +66,7 @@ def test_every_archived_row_is_read_back(tmp_path: Path) -> None:
     assert piece.data == expected
 
 
-def test_any_arrow_reader_opens_it(tmp_path: Path) -> None:
+def test_an_archive_is_a_plain_arrow_stream(tmp_path: Path) -> None:
     table = pa.ipc.open_stream(written(tmp_path / "a.arrows")).read_all()
     assert table.num_rows == 25
     names = ["host_ns", "utc_offset_ns", "kind", "data", "crc32", "row", "row_crc32"]
@@ -75,7 +75,7 @@ def test_any_arrow_reader_opens_it(tmp_path: Path) -> None:
     assert table.schema.field("host_ns").metadata[b"unit"] == b"ns"
 
 
-def test_an_existing_file_is_never_written_over(tmp_path: Path) -> None:
+def test_an_existing_file_is_never_overwritten(tmp_path: Path) -> None:
     path = written(tmp_path / "a.arrows")
     before = path.read_bytes()
     with pytest.raises(InputError, match="exists already"):
@@ -83,7 +83,7 @@ def test_an_existing_file_is_never_written_over(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_cut_off_anywhere_every_whole_batch_is_read(tmp_path: Path) -> None:
+def test_a_truncated_archive_keeps_its_whole_batches(tmp_path: Path) -> None:
     whole = written(tmp_path / "a.arrows").read_bytes()
     rows = data_of(tmp_path / "a.arrows")
     cut = tmp_path / "cut.arrows"
@@ -95,7 +95,7 @@ def test_cut_off_anywhere_every_whole_batch_is_read(tmp_path: Path) -> None:
         assert len(kept) % 4 in (0, 1)
 
 
-def test_a_damaged_batch_costs_no_other(tmp_path: Path) -> None:
+def test_a_damaged_batch_does_not_affect_the_others(tmp_path: Path) -> None:
     path = written(tmp_path / "a.arrows")
     whole, rows = bytearray(path.read_bytes()), data_of(path)
     begin = whole.index(rows[0])
@@ -106,12 +106,12 @@ def test_a_damaged_batch_costs_no_other(tmp_path: Path) -> None:
         pieces = list(open_archive(path).pieces())
         kept = [data for piece in pieces for data in piece.data]
         assert [row for row in rows if row in kept] == [data for data in kept if data in rows]
-        assert all(data in rows for data in kept), "damaged bytes came through"
+        assert all(data in rows for data in kept), "damaged bytes were read"
         assert len(kept) >= len(rows) - 4
         lost = sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces)
         assert (lost > 0) == (len(kept) < len(rows))
-        _, pieces = grown(bytes(hurt), tmp_path / "b.arrows", 800)
-        assert [data for piece in pieces for data in piece.data] == kept, "followed as it grows"
+        _, pieces = followed_while_growing(bytes(hurt), tmp_path / "b.arrows", 800)
+        assert [data for piece in pieces for data in piece.data] == kept, "read while it grows"
         assert sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces) == lost
         (tmp_path / "b.arrows").unlink()
 
@@ -127,7 +127,7 @@ def all_of(path: Path) -> list[object]:
     return read
 
 
-def silently_other(path: Path, bits: Iterable[int]) -> list[int]:
+def silently_wrong(path: Path, bits: Iterable[int]) -> list[int]:
     clean, expected, other = path.read_bytes(), all_of(path), []
     for bit in bits:
         data = bytearray(clean)
@@ -142,10 +142,10 @@ def silently_other(path: Path, bits: Iterable[int]) -> list[int]:
 
 
 @pytest.mark.slow
-def test_no_flipped_bit_gives_another_row(tmp_path: Path) -> None:
+def test_a_flipped_bit_never_gives_a_wrong_row(tmp_path: Path) -> None:
     path = written(tmp_path / "a.arrows")
     bits = random.Random(1).sample(range(8 * path.stat().st_size), 700)
-    assert silently_other(path, bits) == []
+    assert silently_wrong(path, bits) == []
 
 
 CHILD = """
@@ -161,7 +161,7 @@ for number in range(10**6):
 """
 
 
-def test_killed_it_keeps_what_was_flushed(tmp_path: Path) -> None:
+def test_a_killed_writer_leaves_every_flushed_row(tmp_path: Path) -> None:
     path = tmp_path / "a.arrows"
     with subprocess.Popen([sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
@@ -173,10 +173,12 @@ def test_killed_it_keeps_what_was_flushed(tmp_path: Path) -> None:
     assert len(kept) > flushed
 
 
-def grown(
+def followed_while_growing(
     whole: bytes, path: Path, step: int, hidden: range = range(0)
 ) -> tuple[FollowedArchive, list[Piece]]:
-    """Follow a file that grows by some bytes a time; some are zeros until what is behind them is there."""
+    """Follow a file that grows in steps; the bytes `hidden` are zeros until the bytes after them are
+    written.
+    """
     followed, pieces = FollowedArchive(path), []
     assert followed.read() == []
     for length in [*range(0, len(whole), step), len(whole)]:
@@ -189,9 +191,9 @@ def grown(
 
 
 @pytest.mark.parametrize(("step", "hidden"), [(41, range(0)), (800, range(0)), (41, range(4000, 4300))])
-def test_followed_while_it_grows_it_gives_the_same(tmp_path: Path, step: int, hidden: range) -> None:
+def test_following_a_growing_archive_gives_the_same_rows(tmp_path: Path, step: int, hidden: range) -> None:
     path = written(tmp_path / "a.arrows")
-    followed, pieces = grown(path.read_bytes(), tmp_path / "b.arrows", step, hidden)
+    followed, pieces = followed_while_growing(path.read_bytes(), tmp_path / "b.arrows", step, hidden)
     assert [data for piece in pieces for data in piece.data] == data_of(path)
     assert sum(piece.spoilt_bytes + piece.unreadable_bytes + piece.missing_rows for piece in pieces) == 0
     assert followed.about == {"port": "made up"}
@@ -199,7 +201,7 @@ def test_followed_while_it_grows_it_gives_the_same(tmp_path: Path, step: int, hi
 
 
 @pytest.mark.parametrize("event", ["cut", "gone"])
-def test_followed_it_refuses_another_file(tmp_path: Path, event: str) -> None:
+def test_following_refuses_a_replaced_or_truncated_archive(tmp_path: Path, event: str) -> None:
     path = written(tmp_path / "a.arrows")
     followed = FollowedArchive(path)
     assert followed.read()

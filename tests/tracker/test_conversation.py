@@ -1,4 +1,4 @@
-"""Whatever comes, and however fast: memory has a bound, questions have an end, and no empty file is left."""
+"""Conversations with a port that floods: bounded memory and bounded questions."""
 
 import time
 
@@ -14,7 +14,7 @@ PIECE = b"\xc3junk\r\n" * 1000
 
 
 class FloodedPort(Port):
-    """A port that always has more, faster than anybody can take it; it takes what is sent."""
+    """A port that always has more data than can be read, and accepts all that is sent."""
 
     def __init__(self) -> None:
         super().__init__("flood")
@@ -25,7 +25,7 @@ class FloodedPort(Port):
         return PIECE
 
     def write(self, data: bytes) -> None:
-        """Take a command; somebody may ask for the end just then."""
+        """Accept a command, and ask the session to stop if it has a stop request."""
         del data
         if self.stop is not None:
             self.stop.ask("SIGTERM")
@@ -41,7 +41,7 @@ def small_limits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small_limits")
-def test_what_nobody_takes_is_dropped_and_counted() -> None:
+def test_unread_data_is_dropped_and_counted() -> None:
     reader = Conversation(FloodedPort())
     end = time.monotonic() + PATIENCE_S
     while not reader.dropped_bytes and time.monotonic() < end:
@@ -50,12 +50,12 @@ def test_what_nobody_takes_is_dropped_and_counted() -> None:
     reader.close()
     dropped = reader.dropped_bytes
     assert len(reader.keep()) == 11
-    assert not reader.keep(), "all that was not dropped has been given"
+    assert not reader.keep(), "all data that was not dropped has been returned"
     assert reader.dropped_bytes == dropped
 
 
 @pytest.mark.usefixtures("small_limits")
-def test_no_question_goes_on_for_ever() -> None:
+def test_a_question_without_an_answer_ends() -> None:
     reader, longest = Conversation(FloodedPort()), 0
 
     def answer_in(data: bytes) -> None:
@@ -67,6 +67,6 @@ def test_no_question_goes_on_for_ever() -> None:
             reader.ask(b"?", answer_in, PATIENCE_S)
         assert longest <= conversation.ANSWER_BYTES + 11 * len(PIECE)
         reader.frames_began = True
-        assert reader.receive(PATIENCE_S), "frames may be as many as they are"
+        assert reader.receive(PATIENCE_S), "the number of frames is not limited"
     finally:
         reader.close()

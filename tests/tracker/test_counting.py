@@ -1,4 +1,4 @@
-"""Frame numbers only grow, however the tracker's counter wraps, starts anew or is damaged."""
+"""Frame numbers increase although the tracker's counter overflows, restarts or is damaged."""
 
 from itertools import product
 
@@ -47,9 +47,9 @@ TOP = 2**32
         ([TOP - 2, TOP - 1, 0, 1, 5], [TOP - 2, TOP - 1, TOP, TOP + 1, TOP + 5]),
         ([500, 501, 0, 1, 2], [500, 501, 502, 503, 504]),
     ],
-    ids=["behind its 32 bits", "set anew"],
+    ids=["overflow of 32 bits", "restart"],
 )
-def test_a_counter_that_begins_again_goes_on(counts: list[int], numbers: list[int]) -> None:
+def test_a_counter_that_restarts_is_continued(counts: list[int], numbers: list[int]) -> None:
     frames, odd = number([decoded(*cycles(counts))])
     assert frames[::3] == numbers
     assert not any(odd)
@@ -57,7 +57,7 @@ def test_a_counter_that_begins_again_goes_on(counts: list[int], numbers: list[in
 
 @pytest.mark.parametrize("bit", range(0, 32, 3))
 @pytest.mark.parametrize("row", range(4, 11))
-def test_a_flipped_bit_in_a_count_spoils_its_own_record(row: int, bit: int) -> None:
+def test_a_flipped_bit_in_a_count_spoils_only_its_record(row: int, bit: int) -> None:
     counters, stations = cycles(range(1000, 1006))
     hurt = counters.copy()
     hurt[row] ^= 1 << bit
@@ -68,7 +68,7 @@ def test_a_flipped_bit_in_a_count_spoils_its_own_record(row: int, bit: int) -> N
     assert [f for f, wrong in zip(counters, odd, strict=True) if not wrong] == good
 
 
-def test_a_damaged_header_costs_its_record_alone_wherever_pieces_end() -> None:
+def test_a_damaged_header_costs_its_record_alone_in_any_pieces() -> None:
     counters, stations = cycles([count % 2**32 for count in range(2**32 - 4, 2**32 + 4)])
     for row, count, station in product((10,), counters[::3], STATIONS):
         hurt_counters, hurt_stations = counters.copy(), stations.copy()
@@ -85,7 +85,7 @@ COUNTS = st.one_of(st.integers(0, 3), st.integers(2**32 - 4, 2**32 - 1), st.inte
 
 @given(row=st.integers(0, 23), count=COUNTS, station=st.sampled_from(STATIONS), cut=st.integers(0, 24))
 @example(row=10, count=0, station=1, cut=12)
-def test_where_pieces_end_does_not_matter(row: int, count: int, station: int, cut: int) -> None:
+def test_numbering_does_not_depend_on_where_pieces_end(row: int, count: int, station: int, cut: int) -> None:
     counters, stations = cycles([count % 2**32 for count in range(2**32 - 4, 2**32 + 4)])
     counters[row], stations[row] = count, station
     apart = [decoded(counters[:cut], stations[:cut]), decoded(counters[cut:], stations[cut:])]

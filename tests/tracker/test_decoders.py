@@ -1,4 +1,4 @@
-"""Decoders of all families: every number, damage, garbage, memory; settings of a stream."""
+"""Decoders of all tracker families: values, damaged bytes, garbage, memory; settings of a stream."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from shukotsu.tracker.viper_decoder import REFUSED
 
 FULL, STATIONS = (8, 9, 11, 10, 12, 3, 7), (1, 2, 3, 4)
 LISTS = {"liberty full": FULL, "liberty short": (9, 2, 7), "patriot": (2, 7), "viper": ()}
-"""A stream of each family, in several output lists."""
+"""Output lists by name of the stream; the first word is the tracker's family."""
 DAMAGES = ("dropped", "flipped", "top bit", "put in", "twice")
 
 
 def stream(name: str) -> tuple[StreamSettings, list[bytes]]:
-    """Settings and the records (frames, for VIPER) of a clean stream of four stations."""
+    """Return the settings and the records (for a VIPER, frames) of an undamaged stream of four stations."""
     family, items = name.split()[0], LISTS[name]
     if family == "viper":
         return settings(family), [viper_frame(frame, STATIONS) for frame in range(1, 16)]
@@ -55,7 +55,7 @@ def rows(records: Records) -> Iterator[tuple[float, ...]]:
 
 @pytest.mark.parametrize("kind", DAMAGES)
 @pytest.mark.parametrize("name", LISTS)
-def test_a_damaged_byte_costs_one_record(name: str, kind: str) -> None:
+def test_a_damaged_byte_costs_at_most_one_record(name: str, kind: str) -> None:
     how, pieces = stream(name)
     clean = b"".join(pieces)
     expected = set(rows(read(how, clean).records))
@@ -66,7 +66,7 @@ def test_a_damaged_byte_costs_one_record(name: str, kind: str) -> None:
 
 
 @pytest.mark.parametrize("name", LISTS)
-def test_garbage_between_records_costs_nothing_and_what_is_kept_for_later_stays_small(name: str) -> None:
+def test_garbage_costs_no_record_and_the_buffer_stays_small(name: str) -> None:
     how, pieces = stream(name)
     random = np.random.default_rng(5)
     garbage = [random.integers(128, 256, int(random.integers(1, 40)), np.uint8).tobytes() for _ in pieces]
@@ -82,7 +82,7 @@ def test_garbage_between_records_costs_nothing_and_what_is_kept_for_later_stays_
 
 @pytest.mark.parametrize("items", [FULL, (9, 2, 7), (2, 7, 8, 0), (8, 9, 11, 3, 7), (9, 2, 7, 1)])
 @pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("inch", 25.4)])
-def test_every_number_of_a_liberty_comes_out(items, unit: str, mm: float) -> None:
+def test_every_number_of_a_liberty_record_is_decoded(items, unit: str, mm: float) -> None:
     sent_by = [(frame, station) for frame in range(6) for station in STATIONS]
     data = b"".join(liberty_binary(frame, station, items) for frame, station in sent_by)
     decoded = read(settings("liberty", items, unit=unit), data)
@@ -104,7 +104,7 @@ def test_every_number_of_a_liberty_comes_out(items, unit: str, mm: float) -> Non
     assert not records.error.any()
 
 
-def test_a_tag_in_the_numbers_does_not_mislead() -> None:
+def test_a_tag_inside_the_numbers_is_not_taken_for_a_record() -> None:
     position = struct.unpack("<f", b"LY\x01C")[0]
     body = struct.pack("<I3f4f", 7, position, position, position, 1, 0, 0, 0)
     head = b"LY\x01C\0\0" + struct.pack("<h", len(body))
@@ -113,7 +113,7 @@ def test_a_tag_in_the_numbers_does_not_mislead() -> None:
     assert not decoded.skipped
 
 
-def test_numbers_that_cannot_be_right_are_doubted() -> None:
+def test_impossible_numbers_are_marked_doubtful() -> None:
     good = liberty_binary(1, 1, (9, 2, 7))
     far = good[:12] + struct.pack("<f", 400.0) + good[16:]
     nan = good[:12] + struct.pack("<f", float("nan")) + good[16:]
@@ -123,7 +123,7 @@ def test_numbers_that_cannot_be_right_are_doubted() -> None:
 
 
 @pytest.mark.parametrize("lists", [{1: (2, 13)}, {17: (2,)}, {1: ()}])
-def test_an_output_list_that_no_tracker_takes_is_refused(lists) -> None:
+def test_an_impossible_output_list_is_refused(lists) -> None:
     with pytest.raises(InputError, match=r"output list .* of station .*; a LIBERTY has stations 1 to"):
         list_of_all(lists)
 
@@ -133,7 +133,7 @@ VIPER = settings("viper")
 
 @pytest.mark.parametrize(("unit", "mm"), [(0, 25.4), (1, 304.8), (2, 10.0), (3, 1000.0)])
 @pytest.mark.parametrize("accelerated", [False, True])
-def test_every_number_of_a_viper_comes_out(unit: int, mm: float, accelerated: bool) -> None:
+def test_every_number_of_a_viper_frame_is_decoded(unit: int, mm: float, accelerated: bool) -> None:
     frames = [viper_frame(2**32 - 1, (1, 3), unit, accelerated), viper_frame(7, (16,), unit)]
     records = read(VIPER, b"".join(frames)).records
     assert records.station.tolist() == [1, 3, 16]
@@ -153,7 +153,7 @@ def test_every_number_of_a_viper_comes_out(unit: int, mm: float, accelerated: bo
     assert records.doubtful.tolist() == (np.linalg.norm(records.position_mm, axis=1) > 3048).tolist()
 
 
-def test_a_wrong_checksum_is_no_frame() -> None:
+def test_a_frame_with_a_wrong_checksum_is_skipped() -> None:
     good, bad = viper_frame(1, (1, 2)), bytearray(viper_frame(2, (1, 2)))
     bad[-4] ^= 1
     decoded = read(VIPER, good + bytes(bad) + good)
@@ -161,7 +161,7 @@ def test_a_wrong_checksum_is_no_frame() -> None:
     assert [(skip.offset, skip.size) for skip in decoded.skipped] == [(len(good), len(bad))]
 
 
-def test_replies_of_a_viper_are_told_from_frames() -> None:
+def test_replies_of_a_viper_are_separated_from_frames() -> None:
     answer, refused = viper_reply(7, b"\2\0\0\0"), viper_reply(20, b"", REFUSED)
     empty = viper_frame(3, ())
     decoded = read(VIPER, answer + viper_frame(1, (1,)) + refused + empty)
@@ -170,7 +170,7 @@ def test_replies_of_a_viper_are_told_from_frames() -> None:
     assert len(decoded.records) == 1
 
 
-def test_a_virtual_sensor_and_an_unknown_kind_of_orientation_are_doubted() -> None:
+def test_virtual_sensors_and_unknown_orientations_are_doubtful() -> None:
     frame = bytearray(viper_frame(1, (1, 2, 3)))
     frame[24] |= 0x80
     frame[24 + 32 + 1] |= 0x0C
@@ -182,7 +182,7 @@ def test_a_virtual_sensor_and_an_unknown_kind_of_orientation_are_doubted() -> No
 SETTINGS = StreamSettings("liberty", "binary", "cm", 240.0, (1, 2), {1: (2, 4)}, {1: (0.0, 0.0, 1.0)})
 
 
-def test_what_was_kept_comes_back() -> None:
+def test_settings_survive_a_round_trip_through_json() -> None:
     assert settings_from_json(SETTINGS.to_json(), "a.arrows") == SETTINGS
 
 

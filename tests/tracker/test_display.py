@@ -1,4 +1,4 @@
-"""What people read of a recording: its state, its summary, what its line carries, what `--ask` says."""
+"""Texts about a recording: its status line, its summary, and the refusal of a line that is too slow."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from shukotsu.tracker.display import Statistics
 from shukotsu.tracker.liberty import FULL_LIST
 
 
-def test_the_line_says_what_there_is_to_see() -> None:
-    """Rates and losses since the line before, what is wrong with receivers, and which are absent."""
+def test_the_status_line_reports_rates_losses_and_receivers() -> None:
+    """It has rates and losses since the previous line, receivers with errors, and absent ones."""
     stations = (1, 2, 3, 4, 5)
     statistics = Statistics(settings("liberty", stations=stations), 0)
     before = statistics.totals(0)
@@ -28,7 +28,7 @@ def test_the_line_says_what_there_is_to_see() -> None:
     )
 
 
-def test_the_summary_names_losses_absences_and_notes() -> None:
+def test_the_summary_lists_losses_absences_and_notes() -> None:
     well = {"records": 14_400, "lost_frames": 0, "records_with_error": 0, "worst_distortion": 0}
     absent_s = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [50.0, None]]
     receivers = {
@@ -47,8 +47,8 @@ def test_the_summary_names_losses_absences_and_notes() -> None:
     assert lines[6:] == ["no record at all: 10.0 s to 12.5 s", "note: the host's clock was set by +3600.0 s"]
 
 
-def test_a_line_that_is_too_slow_is_refused_with_the_arithmetic_and_what_fits() -> None:
-    """48 bytes 240 times a second are all of 11520, which 115200 baud carry."""
+def test_a_line_that_is_too_slow_is_refused_with_settings_that_fit() -> None:
+    """At 115200 baud a line carries 11520 bytes/s, exactly 48 bytes at 240 Hz."""
 
     def check(count: int, items: tuple[int, ...]) -> None:
         display.check_line(settings("liberty", items, range(1, count + 1)), 115200, "/dev/ttyUSB0")

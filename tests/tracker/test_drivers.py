@@ -1,4 +1,4 @@
-"""Setting up a LIBERTY or VIPER that does not do as it is told, and recording a VIPER's stand-in."""
+"""Setting up a LIBERTY or VIPER that ignores commands, and recording a simulated VIPER."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ REQUEST = RecordingRequest(
 
 
 @pytest.fixture(autouse=True)
-def _answers_come_soon_or_never(monkeypatch: pytest.MonkeyPatch) -> None:
+def _answers_come_fast(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (driver, viper_driver):
         monkeypatch.setattr(module, "ANSWER_S", 0.4)
 
@@ -39,7 +39,7 @@ def _answers_come_soon_or_never(monkeypatch: pytest.MonkeyPatch) -> None:
 def set_up(
     tracker: StubbornTracker, request: RecordingRequest, line_baud: int | None = None
 ) -> tuple[StreamSettings, list[str]]:
-    """Set it up at a pseudo-terminal; return the settings and the warnings."""
+    """Set up a tracker at a pseudo-terminal; return the settings and the warnings."""
     with at_a_port(tracker) as name, closing(open_port(name, 115200)) as port:
         port.line_baud = line_baud
         with closing(Conversation(port)) as talk:
@@ -48,7 +48,7 @@ def set_up(
 
 
 def stubborn(unheard: bytes = b"no command", heard: bytes = b"", *, before: bytes = b"") -> StubbornTracker:
-    """A LIBERTY with two receivers; before : what an earlier program has sent it."""
+    """Return a LIBERTY with two receivers that ignores some commands; before : sent by an earlier program."""
     device = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), ports=4)
     device.receive(before)
     return StubbornTracker(device, unheard, heard)
@@ -70,14 +70,14 @@ def stubborn(unheard: bytes = b"no command", heard: bytes = b"", *, before: byte
         (b"F1\r", "the device there is not a LIBERTY"),
     ],
 )
-def test_a_setting_that_is_not_taken_ends_it(unheard: bytes, sentence: str) -> None:
+def test_a_setting_that_is_not_accepted_is_refused(unheard: bytes, sentence: str) -> None:
     with pytest.raises(InputError) as refused:
         set_up(stubborn(unheard), REQUEST)
     assert sentence in str(refused.value)
 
 
 @pytest.mark.parametrize("obeys", [True, False])
-def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(obeys: bool) -> None:
+def test_receivers_switched_off_earlier_are_switched_on_or_reported(obeys: bool) -> None:
     tracker = stubborn(b"no command" if obeys else b"\x152,1\r", before=b"\x152,0\r")
     settings, warnings = set_up(tracker, RecordingRequest("liberty"))
     assert settings.stations == ((1, 2) if obeys else (1,))
@@ -86,7 +86,7 @@ def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(
 
 
 @pytest.mark.slow
-def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_line_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = SerialPort.read
 
     def read(port: SerialPort) -> bytes:
@@ -110,14 +110,14 @@ COMMANDS = {
 QUESTIONS = {b"O16": ("output_list", 16), b"\x150": ("stations",), b"\x14": ("bit_errors",)}
 
 
-def test_commands_are_the_manuals() -> None:
+def test_commands_are_those_of_the_manual() -> None:
     assert [SETTINGS[name].assignment(*value)[:-1] for name, *value in COMMANDS.values()] == [*COMMANDS]
     assert [SETTINGS[name].question(*station)[:-1] for name, *station in QUESTIONS.values()] == [*QUESTIONS]
     assert (driver.RESET_COUNTERS, driver.STREAM, driver.POLL) == (b"Q0\r", b"C\r", b"P")
     assert (driver.WHOAMI, driver.RATES) == (b"\x16\r", {120: 3, 240: 4})
 
 
-def test_the_default_frame_may_be_told_in_any_unit() -> None:
+def test_the_default_alignment_is_recognised_in_any_unit() -> None:
     assert is_default_alignment((0, 0, 0, 1, 0, 0, 0, 1, 0))
     assert is_default_alignment((0, 0, 0, 508, 0, 0, 0, 508, 0))
     assert not is_default_alignment((0, 0, 1, 1, 0, 0, 0, 1, 0))
@@ -130,7 +130,7 @@ STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = 10, 11, 19, 20
 
 
 class Viper:
-    """Two sensors at 120 Hz in inches and degrees, streaming, as somebody left it."""
+    """A VIPER left streaming by an earlier program: two sensors at 120 Hz in inches and degrees."""
 
     period_s = 1 / 120
 
@@ -152,7 +152,7 @@ class Viper:
                 self.settings[FILTER, sensor, kind] = struct.pack("<I4f", 2, 0.2, 0.2, 0.8, 0.9)
 
     def take(self, data: bytes) -> bytes:
-        """Answer commands."""
+        """Return the answers to commands."""
         out = b""
         while data:
             (size,) = struct.unpack_from("<I", data, 4)
@@ -163,7 +163,7 @@ class Viper:
         return out
 
     def answer(self, command: int, action: int, key: tuple[int, ...], payload: bytes) -> bytes:
-        """Answer one command."""
+        """Return the answer to one command."""
         if command == CONTINUOUS:
             self.streaming = action == 0
             self.frame = struct.unpack("<i", payload)[0] if self.streaming else self.frame
@@ -174,7 +174,7 @@ class Viper:
         return viper_reply(command, answer, 3 if key in self.settings else 4)
 
     def cycle(self) -> bytes:
-        """Return what it sends in one cycle."""
+        """Return the data of one cycle."""
         position, orientation = struct.unpack("<2I", self.settings[UNITS, ANY, 0])
         body = struct.pack("<4I", 7, self.frame, 0, 2)
         for sensor in (0, 2):
@@ -215,7 +215,7 @@ def test_a_viper_is_set_up_and_recorded(tmp_path: Path) -> None:
     assert tally.summary["lost_frames"] == 0
 
 
-def test_a_viper_that_does_not_take_a_setting_is_told(tmp_path: Path) -> None:
+def test_a_viper_that_does_not_accept_a_setting_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"did not accept its units: sent 0200000002000000, but it"):
         recorded(Viper(deaf_to=(UNITS,)), RecordingRequest("viper"), tmp_path)
     assert not (tmp_path / "rom.arrows").exists()

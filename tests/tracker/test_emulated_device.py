@@ -1,4 +1,4 @@
-"""The emulated LIBERTY without any port: commands, answers, counters and what is measured."""
+"""The emulated LIBERTY without a port: commands, answers, counters and measurements."""
 
 import struct
 
@@ -18,7 +18,7 @@ def device(stations: frozenset[int] = ALL) -> EmulatedLiberty:
     return EmulatedLiberty(built_in_motion(), stations)
 
 
-def translated(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
+def answers_to(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
     return b"".join(tracker.receive(command) for command in commands)
 
 
@@ -32,7 +32,7 @@ def records(data: bytes, size: int) -> list[bytes]:
 
 
 DEFAULTS = {
-    # query: what is answered in text, and in binary, of a device as the factory leaves it
+    # query: the answers of a device with factory settings, in text and in binary
     b"U": (b"0", 0), b"R": (b"4", 4), b"Z": (b"0", 0), b"\x05": (b"0", 0), b"@B": (b"1", 1),
     b"G": (b"   0.000    0.000    0.000 ", (0, 0, 0)),
     b"X": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
@@ -53,13 +53,13 @@ def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
     text, numbers = DEFAULTS[setting.command]
     station = 7 if setting.per_station else 0
     letter = chr(setting.command[0] + 0x60 * (setting.command[0] < 0x20)).encode()
-    assert translated(tracker, setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
-    translated(tracker, b"F1\r")
-    (reply,) = replies.binary_answers(translated(tracker, setting.question(station).lower()))
+    assert answers_to(tracker, setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
+    answers_to(tracker, b"F1\r")
+    (reply,) = replies.binary_answers(answers_to(tracker, setting.question(station).lower()))
     assert replies.answers(reply, setting, station)
     assert replies.binary_value(setting, reply) == pytest.approx(numbers)
     if setting.per_station:
-        assert translated(tracker, setting.question(17))[4] == 2, "Invalid Station"
+        assert answers_to(tracker, setting.question(17))[4] == 2, "Invalid Station"
 
 
 def flat(x_mm: np.ndarray) -> PlayedMotion:
@@ -68,12 +68,12 @@ def flat(x_mm: np.ndarray) -> PlayedMotion:
 
 
 def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
-    translated(tracker, b"F1\rU1\rO1,2,7\rC\r")
+    answers_to(tracker, b"F1\rU1\rO1,2,7\rC\r")
     return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
 
 
-def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
-    """The orientation goes on; no flip while the hemisphere follows the receiver."""
+def test_a_receiver_that_leaves_the_hemisphere_is_mirrored() -> None:
+    """Its orientation is unchanged; there is no flip if the hemisphere follows the receiver."""
     motion = flat(np.linspace(100, -100, 200))
     true = motion.position_mm[:, 0] / 10
     seen = measured_cm(EmulatedLiberty(motion, frozenset({1})), 200)
@@ -81,15 +81,15 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
     assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
     assert (seen[:, 3:] == [1, 0, 0, 0]).all()
     follows = EmulatedLiberty(motion, frozenset({1}))
-    translated(follows, b"H*,0,0,0\r")
+    answers_to(follows, b"H*,0,0,0\r")
     assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
 
 
 @pytest.mark.parametrize("items", [FULL_LIST, (2, 7)])
-def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
+def test_decoders_read_the_emulators_data(items: tuple[int, ...]) -> None:
     tracker = device()
     chosen = ",".join(map(str, items)).encode()
-    translated(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
+    answers_to(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
     stations = tuple(range(1, 17))
     got = BinaryDecoder(settings("liberty", items, stations)).feed(cycles(tracker, 200), final=True)
     assert not got.skipped

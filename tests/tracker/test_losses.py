@@ -1,4 +1,4 @@
-"""Recorder and decoder count the same losses, and those that there were: random outages in made-up time."""
+"""Recorder and decoder both count the true losses of random outages, in simulated time."""
 
 import itertools
 import random
@@ -29,7 +29,7 @@ KINDS = {
 
 
 class Sent(NamedTuple):
-    """A record that left the tracker (all of a frame, of a VIPER), and what of it arrives."""
+    """A record (for a VIPER, a frame) that the tracker sent, and the part of it that arrives."""
 
     time_s: float
     frame: int
@@ -39,12 +39,12 @@ class Sent(NamedTuple):
 
 
 class Plugged(EmulatedLiberty):
-    """One of whose receivers the plug is pulled, and which is found again; out : which, and when [s]."""
+    """A tracker with a receiver that is unplugged and plugged in again; out : station, from and until [s]."""
 
     out = (0, 0.0, 0.0)
 
     def present(self, cycles: Integers) -> Bools:
-        """Whether each station is plugged in, (T, S)."""
+        """Return whether each station is plugged in, (T, S)."""
         present, since_s = super().present(cycles), (cycles - (WRAP - 300)) / float(self.rate)
         if self.out[0]:
             present[(since_s >= self.out[1]) & (since_s < self.out[2]), self.out[0] - 1] = False
@@ -75,8 +75,8 @@ def sent_by(kind: str, out: tuple[int, float, float]) -> list[Sent]:
     return sent
 
 
-def through(sent: list[Sent], gaps: list[tuple[float, float, bool]]) -> list[Sent]:
-    """Lose what is sent in gaps (from, to, whether bytes are lost and not records)."""
+def with_losses(sent: list[Sent], gaps: list[tuple[float, float, bool]]) -> list[Sent]:
+    """Remove the data sent in gaps (from [s], to [s], whether bytes rather than whole records are lost)."""
     hit = [[cuts for a, b, cuts in gaps if a <= record.time_s < b] for record in sent]
     line = []
     for nth, record in enumerate(sent):
@@ -91,7 +91,9 @@ def through(sent: list[Sent], gaps: list[tuple[float, float, bool]]) -> list[Sen
 
 
 def counts(came: dict[int, set[int]], rate_hz: float) -> tuple[int, int, int, dict[int, int]]:
-    """Lost frames, partial cycles, cycles and lost records by the guide; came : frame -> its receivers."""
+    """Count lost frames, partial cycles, cycles and lost records as the guide defines; came : receivers by
+    frame.
+    """
     frames = sorted(came)
     before, last = frames[-2:]
     end = before + 1 if last - before - 1 <= STOP_FRAMES else last
@@ -109,7 +111,9 @@ def counts(came: dict[int, set[int]], rate_hz: float) -> tuple[int, int, int, di
 def record_and_decode(
     path: Path, settings: StreamSettings, line: list[Sent], draw: random.Random, stall: tuple[float, float]
 ) -> tuple[dict[str, Any], Survey]:
-    """Return the recorder's totals and the decoder's survey; stall : while the host reads nothing."""
+    """Return the recorder's totals and the decoder's survey; stall : the time in which the host reads
+    nothing.
+    """
     archive = ArchiveWriter(path, {}, lambda: 0)
     archive.settings(settings.to_json(), 0)
     decoder, statistics = ChunkDecoder(settings), Statistics(settings, 0)
@@ -135,7 +139,7 @@ def record_and_decode(
 
 
 def check_session(path: Path, kind: str, seed: int) -> float:
-    """Record and decode a tracker with outages; gives by how many seconds its decoded time is off at most."""
+    """Record and decode a tracker with outages; return the largest error of decoded times in s."""
     draw = random.Random(seed)
     family, items, count, rate_hz = KINDS[kind]
     gaps = []
@@ -145,7 +149,7 @@ def check_session(path: Path, kind: str, seed: int) -> float:
         gaps.append((first, draw.choice([first + length, first + length, SECONDS]), draw.random() < 0.5))
 
     def alone(*moments: float) -> bool:
-        """Whether no outage is near, beside which nobody could tell what else happened."""
+        """Return whether no outage is near, which would hide other losses."""
         return all(b < at - 1 or at + 2.5 < a for a, b, _ in gaps for at in moments)
 
     start, stall_s, late_s = draw.uniform(0.5, 4.5), draw.uniform(1, 5), draw.uniform(0.1, 0.7)
@@ -153,7 +157,7 @@ def check_session(path: Path, kind: str, seed: int) -> float:
     if count == 1 or draw.random() < 0.5:
         out = (0, 0.0, 0.0)
     stalls = alone(stall_s)
-    line = through(sent_by(kind, out), gaps)
+    line = with_losses(sent_by(kind, out), gaps)
     stations = tuple(range(1, count + 1))
     lists = dict.fromkeys(stations, items) if items else {}
     settings = StreamSettings(family, "binary", "cm", float(rate_hz), stations, lists)
@@ -183,5 +187,5 @@ def check_session(path: Path, kind: str, seed: int) -> float:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_recorder_and_decoder_count_what_was_lost(kind: str, tmp_path: Path) -> None:
+def test_recorder_and_decoder_count_the_true_losses(kind: str, tmp_path: Path) -> None:
     assert max(check_session(tmp_path / f"{seed}.arrows", kind, seed) for seed in range(3)) < 0.1

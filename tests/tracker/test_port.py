@@ -1,4 +1,4 @@
-"""The port: real pseudo-terminals, sockets, a stand-in for libusb1; what they give and how they end."""
+"""Ports: pseudo-terminals, network addresses, and a stand-in for libusb1."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_two_programs_cannot_share_a_port(pty_pair: tuple[int, str]) -> None:
 
 
 @pytest.mark.parametrize("name", ["socket://", "socket://a:b", "rfc2217://host", "loop://", "tcp://host:1"])
-def test_what_is_no_port_of_a_network_is_not_tried(name: str) -> None:
+def test_an_invalid_network_port_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=f"{name}: is not a network port; expected socket://HOST:PORT"):
         open_port(name, 115200)
 
@@ -63,7 +63,7 @@ def gone(port: Port) -> str:
     return "not at all"
 
 
-def test_a_port_whose_device_is_pulled_out_is_gone(pty_pair: tuple[int, str]) -> None:
+def test_a_port_of_an_unplugged_device_is_reported_as_gone(pty_pair: tuple[int, str]) -> None:
     master, name = pty_pair
     port = open_port(name, 115200)
     os.close(master)
@@ -71,7 +71,7 @@ def test_a_port_whose_device_is_pulled_out_is_gone(pty_pair: tuple[int, str]) ->
     port.close()
 
 
-def test_ports_are_listed_and_trackers_named() -> None:
+def test_ports_are_listed_with_the_names_of_trackers() -> None:
     ports = [
         ("/dev/ttyS0", None, None, "ttyS0"),
         ("/dev/ttyUSB0", 0x0F44, 0xFF20, "Polhemus"),
@@ -84,7 +84,7 @@ def test_ports_are_listed_and_trackers_named() -> None:
     ]
 
 
-def test_a_tracker_without_a_port_is_told_with_what_to_do() -> None:
+def test_a_tracker_without_a_port_is_listed_with_what_to_do() -> None:
     lines = "\n".join(port_lines([], [(0x1D6B, 0x0002), (0x0F44, 0xEF12)]))
     assert lines.startswith("USB 0f44:ef12  PATRIOT: ready")
     assert "modprobe usbserial vendor=0x0f44 product=0xef12" in lines
@@ -93,7 +93,7 @@ def test_a_tracker_without_a_port_is_told_with_what_to_do() -> None:
 
 
 class UsbError(Exception):
-    """A transfer went wrong; received : what had come."""
+    """A failed transfer; received : the data that had arrived."""
 
     received = b""
 
@@ -105,7 +105,9 @@ ERRORS = {
 
 
 class Bus:
-    """One device; claiming : what claiming it raises; reads : of its stream until it is unplugged."""
+    """A USB bus with one device. claiming : the error that claiming it raises; reads : reads until it is
+    unplugged.
+    """
 
     def __init__(self, product: int = 0xFF20, claiming: str = "", reads: int = 1 << 30) -> None:
         self.product, self.claiming, self.reads = product, claiming, reads
@@ -114,33 +116,33 @@ class Bus:
         self.emulator = Emulator(device, lambda _: 0, time.perf_counter_ns())
 
     def taken(self, count: int) -> bytes:
-        """Take so much of what the device has sent."""
+        """Return and remove `count` bytes of the device's data."""
         data = bytes(self.emulator.waiting[:count])
         del self.emulator.waiting[:count]
         return data
 
     def module(self) -> SimpleNamespace:
-        """Return what stands for the package."""
+        """Return a stand-in for the package usb1."""
         device, context = SimpleNamespace(open=lambda: self), SimpleNamespace(open=int, close=int)
         device.getVendorID, device.getProductID = (lambda: 0x0F44), (lambda: self.product)
         context.getDeviceIterator = lambda **_: [device]
         return SimpleNamespace(USBContext=lambda: context, USBError=UsbError, **ERRORS)
 
     def claimInterface(self, number: int) -> None:  # noqa: N802
-        """Take the interface, or not."""
+        """Claim the interface, or raise the error `claiming`."""
         assert number == 0
         if self.claiming:
             raise ERRORS[self.claiming]
 
     def bulkWrite(self, endpoint: int, data: bytes, timeout: int) -> int:  # noqa: ARG002, N802
-        """Take five bytes at a time."""
+        """Accept at most five bytes."""
         assert endpoint == 0x04
         with self.lock:
             self.emulator.receive(data[:5], time.perf_counter_ns())
         return len(data[:5])
 
     def bulkRead(self, endpoint: int, length: int, timeout: int) -> bytes:  # noqa: N802
-        """Full packets as long as they come; a short one, or the time, ends a transfer."""
+        """Return full packets; a short packet or the timeout ends a transfer."""
         assert (endpoint, length % 512) == (0x88, 0)
         end = time.perf_counter() + timeout / 1000
         self.reads -= self.emulator.device.streaming
@@ -181,13 +183,13 @@ def test_a_liberty_is_recorded_until_it_is_unplugged(unplugged: bool, tmp_path: 
         ({"claiming": "USBErrorAccess"}, 'put SUBSYSTEM=="usb"'),
     ],
 )
-def test_what_cannot_be_opened_is_one_sentence(how: dict[str, object], sentence: str, monkeypatch) -> None:
+def test_an_unusable_usb_tracker_is_refused(how: dict[str, object], sentence: str, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "usb1", Bus(**how).module())  # type: ignore[arg-type]
     with pytest.raises(InputError, match=sentence):
         open_port("usb:", 115200)
 
 
-def test_without_the_package_it_is_asked_for(monkeypatch) -> None:
+def test_without_the_package_usb_ports_are_refused(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "usb1", None)
     with pytest.raises(InputError, match="needs libusb1"):
         open_port("usb:0f44:ff20", 115200)

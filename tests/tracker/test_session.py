@@ -1,6 +1,6 @@
-"""A recording from end to end, through a real line, from every state of the tracker, and all that goes wrong.
+"""Recording sessions end to end through pseudo-terminals and sockets, and their failures.
 
-What a test asserts never depends on how fast the host is; it waits for what it asserts.
+No assertion depends on the host's speed: tests wait for the events that they assert.
 """
 
 import io
@@ -32,7 +32,7 @@ from shukotsu.tracker.session import RecordingPlan, record
 from shukotsu.tracker.stream import Tally, blocks_of
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
-"""What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""
+"""Commands with lasting effects: re-initialise, start-up settings, save, name, line settings."""
 
 
 def rows(path: Path) -> list[tuple[int, bytes]]:
@@ -62,8 +62,8 @@ def assert_gapless(frames: np.ndarray) -> None:
     assert np.diff(frames).tolist() == [1] * (len(frames) - 1)
 
 
-def assert_whole(path: Path, stations: int) -> None:
-    """Every receiver has every frame from the first to the last."""
+def assert_complete(path: Path, stations: int) -> None:
+    """Check that every receiver has every frame from the first to the last."""
     records, tally, _ = decoded(path)
     frames = np.unique(records.frame)
     assert_gapless(frames)
@@ -72,12 +72,12 @@ def assert_whole(path: Path, stations: int) -> None:
         assert len(np.unique(mine)) >= len(frames) - 1, "the last cycle may be cut by the stop"
     assert tally.summary is not None
     assert tally.summary["skipped_bytes"] == 0
-    assert tally.summary["records"] == len(records), "what came after the stop is counted too"
+    assert tally.summary["records"] == len(records), "records after the stop are counted too"
 
 
 @pytest.fixture
 def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
-    """Start an emulated tracker with the emulator's own options; returns the port to open."""
+    """Function that starts an emulated tracker with options of the emulator and returns its port."""
     with ExitStack() as running:
         yield lambda *options, tcp=False: running.enter_context(
             emulator(*options, port=("--tcp", "0") if tcp else ("--pty", str(tmp_path / "tracker")))
@@ -103,11 +103,13 @@ def error_line(stderr: str) -> str:
 
 
 @pytest.mark.slow
-def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys, monkeypatch) -> None:
-    """Nothing is lost; the archive says all that is needed to read it alone."""
+def test_four_receivers_are_recorded_completely(emulated, tmp_path: Path, capsys, monkeypatch) -> None:
+    """The tracker was left streaming. No frame is lost, and the archive contains all that is needed to read
+    it.
+    """
     monkeypatch.setattr(session, "LOOK_S", 0.2)
     port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program leaves it streaming
+    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program left it streaming
     os.write(descriptor, b"F1\rU1\rO*,2,4,9,1\rC\r")
     while not os.read(descriptor, 1):
         continue
@@ -117,7 +119,7 @@ def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys,
     printed = capsys.readouterr()
     assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 0\.6\)", printed.out)
     assert "4 of 4 receivers" in printed.err
-    assert_whole(out, 4)
+    assert_complete(out, 4)
     _, _, settings = decoded(out)
     assert settings.unit == "cm"
     assert settings.items[16] == (8, 9, 11, 10, 12, 3, 7)
@@ -126,23 +128,23 @@ def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys,
     assert open_archive(out).about["notes"] == ["first", "second"]
     assert [e["text"] for e in events(out) if e["event"] == "note"] == ["first", "second"]
     kinds = [kind for kind, _ in rows(out)]
-    assert kinds.index(RECEIVED) < kinds.index(SETTINGS), "the talk before the first frame is kept too"
+    assert kinds.index(RECEIVED) < kinds.index(SETTINGS), "the setup before the first frame is kept too"
     assert kinds[-1] == END
     sent = b"".join(data for kind, data in rows(out) if kind == SENT)
     assert not any(byte in sent for byte in NEVER_SENT)
     assert sent.endswith(b"Q0\rC\rP")
 
 
-# --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
+# --- failures: the data kept, and the message for the user -----------------------------------------
 
 
 class Vanishing(StubbornTracker):
-    """A LIBERTY with four receivers that vanishes in the middle of a record, after 300 frames."""
+    """A LIBERTY with four receivers that disappears in the middle of a record, after 300 frames."""
 
     left, gone = 300, False
 
     def cycle(self) -> bytes:
-        """Return what it sends in one cycle; half a record, and it is gone."""
+        """Return the data of one cycle, or in the last cycle half a record."""
         data = super().cycle()
         self.left -= self.device.streaming
         self.gone = self.left < 0
@@ -157,11 +159,11 @@ def test_a_silent_port_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert f"error: {port}: nothing answers" in error_line(done.stderr)
     assert "(just switched on? it takes 10 s)" in done.stderr
-    assert not out.exists(), "the name is free for the next attempt"
+    assert not out.exists(), "the file name is free for the next attempt"
 
 
 @pytest.mark.slow
-def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
+def test_a_tracker_that_disappears_leaves_a_readable_recording(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
     with at_a_port(Vanishing(device)) as port:
@@ -181,7 +183,7 @@ def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
+def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
     port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
     with recorder(port, out) as process:
         assert process.stderr is not None
@@ -190,7 +192,7 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
         printed, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0
     assert f"({number.name})" in printed
-    assert_whole(out, 4)
+    assert_complete(out, 4)
     _, tally, _ = decoded(out)
     assert tally.summary is not None
     assert tally.summary["reason"] == number.name
@@ -198,7 +200,7 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_full_disk_ends_the_recording_and_what_was_kept_is_readable(emulated, tmp_path: Path) -> None:
+def test_a_full_disk_ends_the_recording_and_leaves_it_readable(emulated, tmp_path: Path) -> None:
     port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
 
     def limit() -> None:
@@ -216,11 +218,11 @@ def test_a_full_disk_ends_the_recording_and_what_was_kept_is_readable(emulated, 
 
 
 @pytest.mark.slow
-def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
+def test_setting_the_hosts_clock_is_noted_and_does_no_harm(emulated, tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     calls, stop = 0, StopRequest()
 
-    def utc_offset_ns() -> int:  # an hour less once the recorder has asked so often; then it is stopped
+    def utc_offset_ns() -> int:  # an hour less after 700 calls; stops after 1000
         nonlocal calls
         calls += 1
         if calls > 1000:

@@ -1,4 +1,4 @@
-"""From a raw capture to records and poses: what is lost is counted and placed, the same bytes every time."""
+"""Decoding raw captures: counts and positions of losses, findings, import and clocks."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ from shukotsu.tracker.survey import (
 
 
 def circling(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
-    """A receiver on a circle round the transmitter, once in 4 s."""
+    """Return the pose (cm, quaternion) of a receiver that circles the transmitter every 4 s."""
     angle = 2 * np.pi * frame / (4 * RATE_HZ)
     q = (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
     return (30 * np.cos(angle), 30 * np.sin(angle), 2.125 + station), q
@@ -54,7 +54,7 @@ def test_a_faultless_capture_has_no_finding_and_every_record(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("size", [1, 1000, 50_000])
-def test_where_blocks_end_does_not_matter(tmp_path: Path, size: int) -> None:
+def test_decoding_does_not_depend_on_the_block_size(tmp_path: Path, size: int) -> None:
     cycles = [cycle(frame) for frame in range(300) if frame % 7]
     cycles[40] = cycles[40][:50] + cycles[40][51:]
     path = write(tmp_path / "a.arrows", cycles)
@@ -65,7 +65,7 @@ def test_where_blocks_end_does_not_matter(tmp_path: Path, size: int) -> None:
         np.testing.assert_array_equal(*joined)
 
 
-def test_missing_frames_and_partial_cycles_are_placed(tmp_path: Path) -> None:
+def test_missing_frames_and_partial_cycles_are_located(tmp_path: Path) -> None:
     frames = [frame for frame in range(480) if frame not in (100, 101)]
     cycles = [cycle(frame, (1, 3) if frame in (200, 201, 202) else (1, 2, 3)) for frame in frames]
     path = write(tmp_path / "a.arrows", cycles)
@@ -85,7 +85,7 @@ def test_missing_frames_and_partial_cycles_are_placed(tmp_path: Path) -> None:
     ]
 
 
-def test_an_unplugged_receiver_is_named(tmp_path: Path) -> None:
+def test_silent_receivers_are_reported(tmp_path: Path) -> None:
     cycles = [cycle(f, (1, 3) if 300 <= f < 900 else (1, 2, 3)) for f in range(1200)]
     survey = survey_of(write(tmp_path / "a.arrows", cycles, settings((1, 2, 3, 7))))
     assert findings(survey) == [
@@ -117,7 +117,7 @@ def test_mirrored_poses_are_flagged_or_repaired_on_import(tmp_path: Path) -> Non
     assert np.array_equal(tables["repaired"][["x_mm", "y_mm", "z_mm"]].to_numpy(), true)
 
 
-def test_a_capture_that_was_killed_says_so(tmp_path: Path) -> None:
+def test_a_capture_of_a_killed_recorder_is_reported_as_incomplete(tmp_path: Path) -> None:
     path = write(tmp_path / "a.arrows", [cycle(f) for f in range(200)], ended=False)
     path.write_bytes(path.read_bytes()[:-700])
     first, second = findings(survey_of(path))
@@ -127,7 +127,9 @@ def test_a_capture_that_was_killed_says_so(tmp_path: Path) -> None:
 
 
 def arrivals(seconds: float, drift: float, rate_hz: float = 240.0):
-    """Frames of a device whose crystal is off by `drift`; delays are 1 ms and more, now and then 200 ms."""
+    """Return frames and arrival times [ns] for a device clock off by `drift`, with delays of 1 ms and
+    sometimes 200 ms.
+    """
     random = np.random.default_rng(0)
     frame = np.arange(1000, 1000 + int(seconds * rate_hz), 2)
     sent_s = (frame - 1000) / rate_hz * (1 + drift)
@@ -137,7 +139,7 @@ def arrivals(seconds: float, drift: float, rate_hz: float = 240.0):
 
 
 @pytest.mark.parametrize("drift", [-4e-4, 1e-4])
-def test_a_drifting_crystal_is_followed(drift: float) -> None:
+def test_a_drifting_device_clock_is_fitted(drift: float) -> None:
     frame, host_ns = arrivals(120.0, drift)
     clock = fit_clock(frame, host_ns, 240.0, 1000)
     assert clock.fitted

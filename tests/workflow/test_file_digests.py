@@ -1,4 +1,4 @@
-"""Files are known by what is in them, and read again only where the file system says that they changed."""
+"""Digests of files: computed from contents, and again only if the file system reports a change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from shukotsu.workflow.file_digests import FileDigests, program_digest
 
 @pytest.fixture(autouse=True)
 def reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the files that are read, of which one, `a`, is in the working directory."""
+    """List to which the names of read files are added; the working directory has one file, `a`."""
     monkeypatch.chdir(tmp_path)
     Path("a").write_text("one")
     names: list[str] = []
@@ -29,7 +29,7 @@ def reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def kept(*paths: str) -> str:
+def kept_digest(*paths: str) -> str:
     digests = FileDigests(Path("cache.json"))
     digest = digests.of(paths)
     digests.changes("study", {path: digests.sha256(path) for path in paths})
@@ -49,26 +49,26 @@ def moved_here() -> None:
 
 
 @pytest.mark.parametrize("change", [same_size_and_time, moved_here, lambda: Path("a").unlink()])
-def test_a_file_counts_as_changed_by_its_content(
+def test_a_changed_replaced_or_removed_file_is_noticed(
     reads: list[str], change: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_digests, "SETTLED_NS", 0)
-    before = kept("a")
-    assert kept("a") == before
-    assert reads == ["a"], "once"
+    before = kept_digest("a")
+    assert kept_digest("a") == before
+    assert reads == ["a"], "read only once"
     change()
-    assert kept("a") != before
+    assert kept_digest("a") != before
 
 
-def test_a_file_that_changed_a_moment_ago_is_read_again(reads: list[str]) -> None:
-    """Within one tick of a coarse clock it may change again and keep all its times."""
-    assert kept("a") == kept("a")
+def test_a_recently_changed_file_is_read_again(reads: list[str]) -> None:
+    """It may change again within one tick of a coarse clock, with the same times."""
+    assert kept_digest("a") == kept_digest("a")
     assert reads == ["a", "a"]
 
 
-def test_what_changed_since_the_last_run_is_named() -> None:
+def test_changes_since_the_last_run_are_listed() -> None:
     digests = FileDigests(Path("cache.json"))
-    assert digests.changes("study", {"a": "1"}) == [], "before the first run nothing did"
+    assert digests.changes("study", {"a": "1"}) == [], "no change before the first run"
     digests.changes("study", {"a": "1", "b": "1", "c": "1"})
     again = FileDigests(Path("cache.json"))
     assert again.changes("study", {"a": "1", "b": "2", "d": "1"}) == ["b", "d", "c"]
@@ -79,7 +79,7 @@ NOTES = ("{}", "3", "null", "[1]", '[[], {"a": 1}]', '[{"a": [1, 2, 3]}, {}]', '
 
 
 @pytest.mark.parametrize("text", [*NOTES, "[" * 10**5])
-def test_notes_of_another_shape_are_as_if_there_were_none(text: str) -> None:
+def test_invalid_cache_files_are_ignored(text: str) -> None:
     Path("notes.json").write_text(text)
     digests = FileDigests(Path("notes.json"))
     assert digests.changes("study", {"a": digests.sha256("a")}) == []
@@ -87,7 +87,7 @@ def test_notes_of_another_shape_are_as_if_there_were_none(text: str) -> None:
     assert made_from.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json"))) == ["a"]
 
 
-def test_the_programs_digest_is_its_version_and_in_a_checkout_its_files(
+def test_the_programs_digest_is_its_version_or_files_of_a_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_digests, "IN_CHECKOUT", False)

@@ -1,6 +1,6 @@
-"""A run of a study at a time, by a lock that ends with its process, however that ends; why a job failed.
+"""Only one run of a study at a time, by a lock that ends with its process, and messages about failed jobs.
 
-Of a failed job its own sentence is printed, of a full disk the file, and no command.
+For a failed job its own sentence is printed, for a full disk the file, but not Snakemake's command.
 """
 
 import logging
@@ -35,7 +35,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.
     process.communicate()
 
 
-def test_a_run_beside_a_live_one_is_refused(run: subprocess.Popen[str]) -> None:
+def test_a_second_run_of_a_study_is_refused(run: subprocess.Popen[str]) -> None:
     for _ in range(2):
         with pytest.raises(
             InputError,
@@ -45,7 +45,7 @@ def test_a_run_beside_a_live_one_is_refused(run: subprocess.Popen[str]) -> None:
     one_run.hold(Path("results", "demo2"))
 
 
-def test_a_killed_run_is_in_nobodys_way(run: subprocess.Popen[str]) -> None:
+def test_a_killed_run_does_not_block_others(run: subprocess.Popen[str]) -> None:
     run.kill()
     run.wait()
     for _ in range(2):
@@ -68,7 +68,7 @@ Disk = namedtuple("Disk", ("f_bavail", "f_frsize", "f_files", "f_favail"))
         ("", "out.parquet: cannot be written (No space left on device); make room and run again"),
     ],
 )
-def test_a_log_gives_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
+def test_a_log_has_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
     log = tmp_path / "a.log"
     log.write_text(text)
     for disk in (Disk(0, 4096, 9, 9), Disk(99, 4096, 9, 0)):

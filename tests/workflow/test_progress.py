@@ -1,4 +1,4 @@
-"""What is shown while a study runs: a line that is updated, or plain lines; and always what went wrong."""
+"""Progress of a running study: an updated line on terminals, plain lines elsewhere, and all errors."""
 
 import io
 import logging
@@ -14,7 +14,7 @@ RULES = ["capture", "fit_hand", "report", TARGET]
 
 
 class Terminal(io.StringIO):
-    """A stream that says that it is a terminal."""
+    """A stream that reports to be a terminal."""
 
     def isatty(self) -> bool:
         """Return True."""
@@ -22,7 +22,9 @@ class Terminal(io.StringIO):
 
 
 def shown(stream: io.StringIO) -> list[str]:
-    """Run three jobs, the second of which fails, and return what is written, and kept of the messages."""
+    """Run three jobs, the second of which fails, and return the lines written; only the error message is
+    passed on.
+    """
     jobs = [SimpleNamespace(rule=SimpleNamespace(name=name)) for name in RULES]
     progress = Progress(SimpleNamespace(dag=SimpleNamespace(needrun_jobs=lambda: jobs)), stream)
     kept = []
@@ -45,20 +47,20 @@ def shown(stream: io.StringIO) -> list[str]:
     return re.split(r"\r\x1b\[K|\n", stream.getvalue())
 
 
-def test_a_terminal_has_one_line_that_is_updated() -> None:
+def test_a_terminal_shows_one_updated_line() -> None:
     first, *lines = shown(Terminal())
     assert first == ""
     assert lines == [
         "job 1 of 3: reading a recording, subject 01",
         "job 2 of 3: fitting the hand, subject 01",
-        "",  # taken away for the error
+        "",  # erased for the error
         "job 3 of 3: writing the report",
         "1 of 3 jobs failed, for the reasons above; Snakemake's log: a.log",
         "",
     ]
 
 
-def test_without_a_terminal_every_tenth_of_the_jobs_is_a_line() -> None:
+def test_without_a_terminal_progress_is_printed_as_lines() -> None:
     lines = [re.sub(r"about \d+ s", "about N s", line) for line in shown(io.StringIO())]
     assert lines == [
         "1 of 3 jobs done",
@@ -75,6 +77,6 @@ def test_every_rule_has_a_description_for_the_progress_line() -> None:
 
 
 @pytest.mark.parametrize("columns", [20, 200])
-def test_the_line_is_no_wider_than_the_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_progress_line_fits_the_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", str(columns))
     assert max(len(line) for line in shown(Terminal())[:-2]) == min(columns - 1, 43)

@@ -1,4 +1,4 @@
-"""The files and requests of jobs: each depends on what it reads of the study, and on no more."""
+"""Files and parameters of jobs: each job depends on exactly the parts of the study that it uses."""
 
 import os
 import shlex
@@ -62,8 +62,8 @@ def test_a_subjects_paths_leave_out_excluded_recordings(folder: Path) -> None:
     poses = [
         f"results/test/{SUBJECT}/{name}/poses.parquet" for name in ("right/rom", "right/pinch_1", "left/rom")
     ]
-    assert study.poses(FIT) == poses, "excluded ones are none"
-    assert study.poses_of_fit(FIT) == poses[:2], "of one hand"
+    assert study.poses(FIT) == poses, "without excluded recordings"
+    assert study.poses_of_fit(FIT) == poses[:2], "only of one hand"
     fits = [f"results/test/{SUBJECT}/fits/{hand}/alone" for hand in ("right", "left")]
     assert study.fits("gains")["gains"](FIT) == [f"{fit}/gains.parquet" for fit in fits]
     anatomys = [f"results/test/{SUBJECT}/fits/{hand}/{REFERENCE}" for hand in ("right", "left")]
@@ -72,8 +72,8 @@ def test_a_subjects_paths_leave_out_excluded_recordings(folder: Path) -> None:
     assert study.plans == [f"results/test/{subject}/plan.json" for subject in (SUBJECT, "sub-02")]
 
 
-def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
-    """Its import says so. What is simulated is made, whether or not it is there."""
+def test_a_missing_recording_is_not_an_input_of_a_job(folder: Path) -> None:
+    """Its import reports it as missing. Simulated recordings are made by a job even if they do not exist."""
     study = files(folder, more=SIMULATION)
     assert study.recording_files(ROM) == []
     (folder / "study/data").mkdir()
@@ -91,7 +91,7 @@ def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a{1}.csv", "a<b>.csv", "{subject}.csv"])
-def test_a_name_that_snakemake_would_read_as_its_own_is_no_input(folder: Path, name: str) -> None:
+def test_a_file_with_snakemakes_special_characters_is_not_an_input(folder: Path, name: str) -> None:
     rows = (f"A&b right rom calibration data/{name}", "A&b right pinch both data/b.csv")
     missing = files(folder, *rows).recording_digest(ROM)
     (folder / "study/data").mkdir()
@@ -122,7 +122,7 @@ AGAIN = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_job_is_run_again_for_what_it_uses(folder: Path, change: str) -> None:
+def test_a_job_runs_again_only_for_changes_that_it_uses(folder: Path, change: str) -> None:
     before = files(folder)
 
     def requests(study: StudyFiles) -> dict[str, str]:
@@ -165,8 +165,8 @@ def test_exports_follow_the_study_file(folder: Path) -> None:
     assert files(folder, more="exports: [bids]\n").export_folders == ["results/test/dataset"]
 
 
-def test_exports_that_are_no_longer_asked_for_go(folder: Path) -> None:
-    """What the program names so; a person's own stay."""
+def test_exports_that_are_no_longer_requested_are_removed(folder: Path) -> None:
+    """Only files with names given by the program are removed; the user's files stay."""
     names = ("sub-02.csv", "bids/README", "tables/a.csv", STAMP, "notes.txt")
     made = [Path("results/test", top, name) for top in ("exports", "dataset", "tidy") for name in names]
     for path in made:
@@ -177,7 +177,7 @@ def test_exports_that_are_no_longer_asked_for_go(folder: Path) -> None:
     assert {path for path in made if path.exists()} == {path for path in made if path.name == "notes.txt"}
 
 
-def test_a_run_or_a_module_is_of_one_study_as_its_file_or_its_keys_say(folder: Path) -> None:
+def test_the_study_is_read_from_one_file_or_a_modules_keys(folder: Path) -> None:
     path = write_study(folder / "study", *ROWS)
     config = yaml.safe_load(path.read_text())
     for is_module in (False, True):
@@ -195,13 +195,13 @@ def test_a_run_or_a_module_is_of_one_study_as_its_file_or_its_keys_say(folder: P
             study_file(files_named, keys, is_module=is_module)
 
 
-def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) -> None:
+def test_a_folder_with_snakemakes_special_characters_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match=r"^odd <b>/study.yaml: its path contains .* which mean something"):
         StudyFiles(write_study(folder / "odd <b>", *ROWS))
 
 
-def test_models_of_whole_hands_are_refused_where_no_layout_is_a_hand(folder: Path) -> None:
-    """With another model, or a hand, the study runs, and each arm is a problem of its own."""
+def test_whole_hand_models_are_refused_without_a_hand_layout(folder: Path) -> None:
+    """With another model or a hand the study runs, and each arm is reported as a problem."""
     arm, hand = "01 right rom both a.csv - arm", "02 right rom both b.csv"
     with pytest.raises(InputError, match=r"study\.yaml: models: model whole-hand fits .* layout arm is none"):
         StudyFiles(write_study(folder / "arms", arm, models=("whole-hand",)))
@@ -209,7 +209,7 @@ def test_models_of_whole_hands_are_refused_where_no_layout_is_a_hand(folder: Pat
     assert StudyFiles(write_study(folder / "both", arm, hand, models=("whole-hand",))).study.models
 
 
-def test_a_job_asks_for_more_the_longer_the_recordings_are_and_for_so_much_memory_at_most(
+def test_jobs_request_time_and_bounded_memory_by_recording_size(
     folder: Path,
 ) -> None:
     study, asked = files(folder), []
@@ -217,7 +217,7 @@ def test_a_job_asks_for_more_the_longer_the_recordings_are_and_for_so_much_memor
     path.parent.mkdir(parents=True)
     for size in (0, 10**8, 10**10, 10**11):
         with path.open("wb") as file:
-            file.truncate(size)  # takes no room
+            file.truncate(size)  # a sparse file
         asked.append({name: of(SimpleNamespace(subject="02")) for name, of in study.resources(2, 10).items()})
     assert [request["runtime"] for request in asked] == [2, 3, 102, 1002]
     assert asked[0]["mem_mb"] < asked[1]["mem_mb"] < asked[2]["mem_mb"] == asked[3]["mem_mb"]

@@ -1,4 +1,4 @@
-"""Jobs as forks of a warm process: what they do, say and return is what a process of their own would."""
+"""Jobs run as forks of a warm process behave like jobs in separate processes."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ LIGHT = (
     "import socket, sys; from shukotsu.workflow import warm_process as w; "
     "w.PACKAGES = ['shukotsu.paper']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
 )
-"""A warm process that imports one room, not all."""
+"""A warm process that imports only one room."""
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the warm process is for Linux")
 
 
 def wait_for(true: Callable[[], object]) -> None:
-    """Wait as long as the suite's own time limit lets it."""
+    """Wait for a condition, limited only by the suite's time limit."""
     while not true():
         time.sleep(0.02)
 
@@ -58,7 +58,7 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def warm() -> Iterator[psutil.Process]:
-    """The warm process of the jobs that are started from here."""
+    """The warm process for the jobs started by these tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(REPOSITORY))
         patch.setenv(job.ADDRESS, "")
@@ -75,7 +75,7 @@ def warm() -> Iterator[psutil.Process]:
 
 
 def test_a_request_arrives_as_it_was_sent(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the system lets words and variables be: empty, of several lines, with =, or no UTF-8."""
+    """Words and variables may be empty, have several lines, contain = or be invalid UTF-8."""
     monkeypatch.setenv("OF_THIS_TEST", "a=b\n\udcff")
     words = ["/stages/plan.py", "", "--out=手 骨\n", "\udcff"]
     assert job.job_of(job.request_of("/a folder", words)) == ("/a folder", words, dict(os.environ))
@@ -85,7 +85,7 @@ def forks(warm: psutil.Process) -> list[psutil.Process]:
     return [fork for fork in warm.children() if fork.status() != psutil.STATUS_ZOMBIE]
 
 
-def test_a_fork_writes_the_same_bytes_into_the_folder_of_its_client(
+def test_a_fork_writes_the_same_bytes_into_its_clients_folder(
     warm: psutil.Process, poses: Path, tmp_path: Path
 ) -> None:
     addresses = {"warm": None, "cold": str(tmp_path / "nobody")}
@@ -122,13 +122,13 @@ def test_a_job_has_the_clients_streams_and_exit_code(waiting: subprocess.Popen[s
     assert waiting.returncode == 7
 
 
-def test_a_job_that_is_ended_ends_its_fork(warm: psutil.Process, waiting: subprocess.Popen[str]) -> None:
+def test_a_terminated_job_ends_its_fork(warm: psutil.Process, waiting: subprocess.Popen[str]) -> None:
     (fork,) = forks(warm)
     waiting.terminate()
     wait_for(lambda: fork not in forks(warm))
 
 
-def test_a_fork_that_is_killed_is_a_failed_job(warm: psutil.Process, waiting: subprocess.Popen[str]) -> None:
+def test_a_killed_fork_is_a_failed_job(warm: psutil.Process, waiting: subprocess.Popen[str]) -> None:
     (fork,) = forks(warm)
     fork.kill()
     assert waiting.communicate() == ("", "error: the job's process was killed before its end\n")
@@ -145,8 +145,8 @@ time.sleep(600)
 
 
 @pytest.mark.slow
-def test_jobs_end_with_a_workflow_that_is_killed() -> None:
-    """Its next run must not find them writing its files; nothing is left behind, and no job is begun."""
+def test_jobs_end_when_their_workflow_is_killed() -> None:
+    """Otherwise they would write files during its next run. Nothing is left behind, and no new job starts."""
     with tempfile.TemporaryDirectory() as name:  # short enough for a socket's path (107 bytes)
         environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": name}
         environment.pop(job.ADDRESS, None)

@@ -1,10 +1,10 @@
-"""A job that says when it has begun, and waits for the end of its standard input."""
+"""A job that prints when it begins and waits for the end of its standard input."""
 
 import sys
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Wait; the exit code is 7."""
+    """Wait for the end of standard input and return exit code 7."""
     del argv
     print("begun", flush=True)
     sys.stdin.read()

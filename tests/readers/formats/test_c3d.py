@@ -1,4 +1,4 @@
-"""C3D files: clusters and rotations become poses, and what does not fit the mapping is refused."""
+"""Reading C3D files: poses from marker clusters, missing markers, and refusals."""
 
 import re
 import struct
@@ -36,7 +36,7 @@ def config(receiver: dict[str, Any] = CLUSTER, segment: str = "hand", **keys: An
     return {"format": "c3d", "position_unit": "mm", "receivers": {segment: receiver}} | keys
 
 
-def test_a_cluster_is_a_pose_with_the_files_frames_and_times(tmp_path: Path) -> None:
+def test_a_cluster_becomes_poses_with_the_files_frames_and_times(tmp_path: Path) -> None:
     samples = read(write(tmp_path / "a.c3d"), ARM, config(fixed=["scapula"]))
     hand = of(samples, "hand")
     assert angle(multiply(conjugate(samples.numbers[hand, 3:]), QUATERNIONS)).max() < 1e-5
@@ -51,8 +51,8 @@ def test_a_cluster_is_a_pose_with_the_files_frames_and_times(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("mark", ["coordinates", "residual"])
-def test_markers_that_are_missing_are_gaps(tmp_path: Path, mark: str) -> None:
-    """By coordinates of NaN, or by a residual of -1, whatever the coordinates that the writer left."""
+def test_missing_markers_are_gaps(tmp_path: Path, mark: str) -> None:
+    """A marker is missing if its coordinates are NaN or its residual is -1, whatever its coordinates."""
     points = MARKERS.copy()
     if mark == "coordinates":
         points[4, 1] = np.nan
@@ -84,13 +84,13 @@ NEAR, FAR = {"markers": ["H1", "h2x", "H3"]}, {"markers": ["H1", "wrist", "H3"]}
         (config(c3d={"first_frame": 5, "last_frame": 4}), "frames 5 to 4 are not in "),
     ],
 )
-def test_what_the_file_does_not_have_is_refused_by_name(
+def test_a_mapping_that_does_not_fit_the_file_is_refused(
     tmp_path: Path, mapping: dict[str, Any], message: str
 ) -> None:
     refuse(write(tmp_path / "a.c3d"), message, ARM, mapping)
 
 
-def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
+def test_truncated_missing_and_foreign_files_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "a.c3d", np.tile(MARKERS, (200, 1, 1)))
     data = path.read_bytes()
     for content, message in (
@@ -106,8 +106,10 @@ def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("lost", ["one of five in turn", "all but a line"])
-def test_markers_may_be_missing_while_they_show_a_pose(lost: str) -> None:
-    """The pose is that of the first marker, seen or not; two markers, or three on a line, are none."""
+def test_a_pose_needs_three_markers_that_are_not_on_a_line(lost: str) -> None:
+    """Poses are relative to the first marker even if it is missing; two markers, or three on a line, give a
+    gap.
+    """
     line = lost == "all but a line"
     shape = [[0, 0, 0], [60, 0, 0], [20, 40, 0], *([[30, 0, 0]] if line else [[30, 15, 25], [-10, 25, -30]])]
     rotation = matrix(unit(RNG.normal(size=(40, 4))))
@@ -125,8 +127,8 @@ def test_markers_may_be_missing_while_they_show_a_pose(lost: str) -> None:
 
 
 @pytest.mark.parametrize("odd", ["first frame", "swapped in it"])
-def test_a_cluster_s_shape_does_not_rest_on_its_first_frame(tmp_path: Path, odd: str) -> None:
-    """Which has a marker at 0, 0, 0, which is a missing one, or two that have each other's names."""
+def test_a_clusters_shape_does_not_depend_on_its_first_frame(tmp_path: Path, odd: str) -> None:
+    """The first frame has a marker at 0, 0, 0 (treated as missing), or two markers with exchanged names."""
     points = MARKERS.copy()
     points[0, 1] = 0.0
     if odd != "first frame":
@@ -145,7 +147,7 @@ KNEE = ["RGT", "RTHI1", "RTHI2", "RTHI3"], ["RATT", "RLM", "RSPH", "RLEG1", "RLE
     ("joint", "clusters", "first", "last", "gap_mm", "range_deg"),
     [("hip", HIP, 1, 499, 8.5, 54), ("knee", KNEE, 300, 821, 3.1, 119)],
 )
-def test_real_functional_trials_of_a_leg(
+def test_real_leg_trials_give_the_gap_and_range_of_another_program(
     real_data: Path,
     tmp_path: Path,
     joint: str,
@@ -155,7 +157,7 @@ def test_real_functional_trials_of_a_leg(
     gap_mm: float,
     range_deg: int,
 ) -> None:
-    """Windows of two trials; the knee's gap, and how far it was bent, are known from another program."""
+    """Parts of a hip and a knee trial; the knee's gap and range are known from another program."""
     (tmp_path / "leg.yaml").write_text(
         "layout: leg\ndescription: Two segments of a leg.\nsegments: {above: {}, below: {}}\n"
         "joints: {joint: {parent: above, child: below, dof: 3, plane: {frame: none}}}\n"
@@ -182,17 +184,19 @@ def test_real_functional_trials_of_a_leg(
 
 
 def test_a_parameter_longer_than_its_file_is_refused(tmp_path: Path) -> None:
-    """Its values are not looked for: that would take hours."""
+    """Its values are not searched for, which would take hours."""
     path = write(tmp_path / "a.c3d", SHAPE[None], first=1)
     data = bytearray(path.read_bytes())
-    data[data.index(b"LABELS") + 9] = 60  # dimensions: whatever comes next
+    data[data.index(b"LABELS") + 9] = 60  # the number of dimensions: the bytes that follow are read as sizes
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"parameter LABELS of group 1 claims to be longer"):
         read(path, ARM, config())
 
 
-def test_frames_beyond_what_is_counted(tmp_path: Path) -> None:
-    """With a full 16-bit count all frames up to the padding are read; else data behind them are reported."""
+def test_frames_beyond_the_stated_count_are_read_or_reported(tmp_path: Path) -> None:
+    """If the 16-bit count is at its maximum, all frames up to the padding are read; else further data is
+    reported.
+    """
     path = write(tmp_path / "a.c3d", SHAPE + np.arange(1.0, 31)[:, None, None], first=1)
     data = bytearray(path.read_bytes())
     assert read(path, ARM, config()).losses == ()

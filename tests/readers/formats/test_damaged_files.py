@@ -1,4 +1,4 @@
-"""A file of any format whose bytes are damaged is read, or refused in one sentence; `inspect` as well."""
+"""Damaged files of every format are either read or refused in one sentence, by import and inspect."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARENTS = {joint.child: joint.parent_receiver for joint in LAYOUT.solvable}
 
 
 def read_poses(path: Path) -> int:
-    """Read a recording as import does, up to the rows of the poses table; return how many frames it has."""
+    """Read a recording as import does, up to the rows of the poses table; return its number of frames."""
     mapping_path = path.with_name("mapping.yaml")
     mapping = read_mapping(mapping_path) if mapping_path.exists() else None
     parts = find_parts_reader(path, "auto", mapping)(path, LAYOUT, mapping)
@@ -35,12 +35,12 @@ def read_poses(path: Path) -> int:
         return len(poses.frame)
 
 
-C3D = pytest.param("c3d", marks=pytest.mark.slow)  # a count that is damaged may ask for much memory
+C3D = pytest.param("c3d", marks=pytest.mark.slow)  # a damaged count may require much memory
 
 
 @pytest.fixture(scope="module")
 def recording(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sound recording, its mapping beside it where it needs one."""
+    """An undamaged recording, with its mapping beside it if it needs one."""
     sample, folder = RECORDINGS[request.param](), tmp_path_factory.mktemp("damaged")
     (folder / sample.path).write_bytes(sample.content)
     if sample.mapping:
@@ -55,7 +55,7 @@ def recording(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 def test_a_damaged_recording_is_read_or_refused(recording: Path, data: st.DataObject) -> None:
     sound = recording.read_bytes()
     try:
-        recording.unlink()  # another file on the disk: its time may be the same
+        recording.unlink()  # a new file, as its modification time may be the same
         recording.write_bytes(data.draw(damaged(sound)))
         assert_read_or_refused(lambda: read_poses(recording))
         with contextlib.redirect_stdout(io.StringIO()):

@@ -1,4 +1,6 @@
-"""Tables as text by mapping: every dress a program gives them, and each fault named where it stands."""
+"""Reading text tables by a mapping: layouts of other programs, faults with their line, clocks and
+counters.
+"""
 
 import re
 from pathlib import Path
@@ -113,7 +115,7 @@ def test_times_of_day_become_seconds_across_midnight(
         "more columns": ((HEADER + ROWS).replace("\n", ",n\n"), {}),
     }.values(),
 )
-def test_a_wide_table_in_any_dress(tmp_path: Path, text: str, csv: dict[str, Any]) -> None:
+def test_a_wide_table_is_read_in_every_text_format(tmp_path: Path, text: str, csv: dict[str, Any]) -> None:
     check_wide(read(tmp_path, text, changed(WIDE, csv)))
 
 
@@ -131,9 +133,9 @@ def test_a_long_table_is_read_by_receiver_and_frame(tmp_path: Path) -> None:
     assert samples.locate(int(np.flatnonzero(hand)[1])) == f"{tmp_path}/old.txt: line 4"
 
 
-def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -> None:
-    """Rows repeat what has not changed; of two new values on one frame the nearer is kept. One time that is
-    no time costs its own row: as the start of the grid it would put all others on one frame.
+def test_receivers_that_are_not_in_step_are_put_on_a_common_grid(tmp_path: Path) -> None:
+    """Rows repeat unchanged values; of two new values in one frame the nearer is kept. A row with an absurd
+    time is left out, since as the start of the grid it would put all others in one frame.
     """
     receivers = {
         segment: {"position": [f"{c}{n}" for c in "xyz"], "orientation": [f"{c}{n}" for c in "wabc"]}
@@ -200,7 +202,7 @@ def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:
     )
 
 
-def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
+def test_a_pose_without_a_quality_is_flagged_as_low_quality(tmp_path: Path) -> None:
     mapping = changed(LONG, {"quality": "e", "quality_above": 2})
     lines = [f"{line},{end}\n" for line, end in zip(LONG_TEXT.splitlines(), ("e", "1", "", "3"), strict=True)]
     samples = read(tmp_path, "".join(lines), mapping)
@@ -210,10 +212,10 @@ def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", ["time", "receiver"])
 @pytest.mark.parametrize(("rate_hz", "sd_ms"), [(120, 0.3), (120, 1.5), (120, 3.0), (240, 0.3), (240, 1.5)])
 @pytest.mark.parametrize("lost", [0.0, 0.03])
-def test_rows_that_arrive_late_are_put_into_as_many_frames_as_were_recorded(
+def test_rows_with_jittered_times_are_put_into_the_recorded_frames(
     lost: float, rate_hz: float, sd_ms: float, order: str
 ) -> None:
-    """As many frames as were recorded, or a sentence that their number is open; few rows a frame off."""
+    """The number of frames is right or reported as uncertain, and few rows are one frame off."""
     random, tracks = np.random.default_rng(4), {}
     for segment in map(str, range(12)):
         frame = np.flatnonzero(random.random(900) >= lost)
@@ -236,8 +238,8 @@ def test_rows_that_arrive_late_are_put_into_as_many_frames_as_were_recorded(
 
 @pytest.mark.parametrize("rows", ["long", "wide"])
 @pytest.mark.parametrize(("bits", "apart"), [(8, 1), (16, 200), (32, 10**7)])
-def test_a_full_counter_is_counted_on(tmp_path: Path, bits: int, apart: int, rows: str) -> None:
-    """One receiver begins later, after the counter was full once; two takes are not one."""
+def test_an_overflowing_frame_counter_is_continued(tmp_path: Path, bits: int, apart: int, rows: str) -> None:
+    """One of the receivers starts after the counter's first overflow."""
     frames = 2**bits - 20 * apart + apart * np.arange(4 * 2**bits // apart // 3 if bits == 8 else 60)
     counts = [(n % 2**bits, n - frames[0]) for n in frames]
     head, mapping = LONG_TEXT.splitlines()[0], changed(LONG, {"time": "x", "time_unit": "ms"})
@@ -254,7 +256,7 @@ def test_a_full_counter_is_counted_on(tmp_path: Path, bits: int, apart: int, row
     assert "the frame counter restarts after" in samples.notes[0]
 
 
-def test_nanoseconds_are_added_and_dates_are_read(tmp_path: Path) -> None:
+def test_dates_are_read_and_nanoseconds_added(tmp_path: Path) -> None:
     text = TIMES.format("2026-03-04T10:15:30.120Z", '"2026-03-04 09:15:31,5-01:00"')
     for unit in ("s", "iso8601"):
         times_s = read(tmp_path, text, changed(WIDE, {"time_unit": unit})).time_s
@@ -267,8 +269,8 @@ def test_nanoseconds_are_added_and_dates_are_read(tmp_path: Path) -> None:
     )
 
 
-def test_long_rows_that_times_put_into_other_frames_than_counts(tmp_path: Path) -> None:
-    """Each receiver lost one row, another one: by counts all rows would be one off."""
+def test_long_rows_are_put_into_frames_by_time_not_by_count(tmp_path: Path) -> None:
+    """Each of two receivers lost a different row, so that counting rows would shift them by one frame."""
     csv = {key: value for key, value in LONG["csv"].items() if key != "frame"}
     mapping = LONG | {"csv": csv | {"time": "n", "time_unit": "ms"}}
     pairs = [(sensor, time) for sensor in (1, 2) for time in range(0, 50, 10)]

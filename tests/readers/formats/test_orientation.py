@@ -1,4 +1,4 @@
-"""Numbers of an orientation become quaternions: against written-out matrices, and there and back."""
+"""Converting orientations to quaternions: conventions, missing numbers and invalid matrices."""
 
 import re
 from collections.abc import Callable
@@ -28,8 +28,8 @@ def same(first: np.ndarray, second: np.ndarray) -> None:
     assert angle(multiply(conjugate(first), second)).max() < 1e-7
 
 
-def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> None:
-    """The matrix written out as in the guide of the Flock of Birds."""
+def test_a_trakstars_angles_and_matrices_are_inverse_rotations() -> None:
+    """The matrix is written out as in the Flock of Birds guide."""
     angles = np.array([[30.0, -20.0, 50.0], [-170.0, 80.0, 5.0]])
     (ca, ce, cr), (sa, se, sr) = np.cos(np.radians(angles)).T, np.sin(np.radians(angles)).T
     guide = [ce * ca, ce * sa, -se, sr * se * ca - cr * sa, cr * ca + sr * se * sa, sr * ce]
@@ -66,7 +66,7 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
         ),
     ],
 )
-def test_every_kind_gives_the_rotation_that_it_was_written_from(
+def test_every_kind_of_orientation_is_converted_exactly(
     kind: str, keys: dict[str, str], numbers_of: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     q = unit(np.random.default_rng(6).normal(size=(200, 4)))
@@ -108,7 +108,7 @@ def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
         (np.diag([30.0, -20, 50]), "matrix is not a rotation"),
     ],
 )
-def test_what_is_no_rotation_is_refused_where_it_stands(bad: np.ndarray, message: str) -> None:
+def test_an_invalid_matrix_is_refused_with_its_line(bad: np.ndarray, message: str) -> None:
     three = np.stack([np.eye(3), np.full((3, 3), np.nan), bad])
     with pytest.raises(InputError, match=re.escape(f"rom.csv: line 3: the {message}")):
         proper_rotations(three, locate)

@@ -1,4 +1,4 @@
-"""Reading a raw capture: its parts, and its memory; what decoding gives is tested with the trackers."""
+"""Importing a raw capture: tracker name, receivers and memory; decoding is tested in tests/tracker."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from shukotsu.tables.typed_table import read_metadata
 STATIONS = tuple(range(1, 17))
 
 
-def test_the_tracker_is_named(tmp_path: Path) -> None:
+def test_the_tracker_is_recorded_in_the_metadata(tmp_path: Path) -> None:
     path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
     captures.write(path, map(captures.cycle, range(48)))
     assert join_samples(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"
@@ -37,7 +37,7 @@ def test_the_tracker_is_named(tmp_path: Path) -> None:
         ({"hand": 9}, None, "'9' is not in"),
     ],
 )
-def test_whose_receiver_is_which_is_said_by_a_mapping_or_the_layout(
+def test_receivers_are_assigned_by_the_mapping_or_the_layout(
     tmp_path: Path, receivers, segments, note
 ) -> None:
     path = captures.write(tmp_path / "a.arrows", [captures.cycle(frame) for frame in range(20)])
@@ -62,7 +62,7 @@ def test_whose_receiver_is_which_is_said_by_a_mapping_or_the_layout(
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
-    """One receiver at a time is in memory, of 117 MB of rows in six minutes of 16 receivers."""
+    """Six minutes of 16 receivers have 117 MB of rows, of which one receiver at a time is in memory."""
     memory_mb = []
     for minutes in (1, 6):
         path, out = tmp_path / f"{minutes}.arrows", tmp_path / f"{minutes}.parquet"

@@ -1,4 +1,4 @@
-"""Reading tidy recordings: what is read, and what is refused with which sentence."""
+"""Reading tidy recordings from CSV and Parquet, and their refusals."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -51,7 +51,7 @@ def refuse(path: Path, message: str, layout: Layout = LIBERTY) -> None:
         TWO_ROWS.replace(",0.5,", ",1970-01-01 01:00:00.5+01:00,"),
     ],
 )
-def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) -> None:
+def test_a_tidy_csv_is_read_in_every_text_format(tmp_path: Path, content: str) -> None:
     samples = read(write(tmp_path, content))
     assert samples.segments == LIBERTY.measured
     assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
@@ -66,7 +66,7 @@ USUAL = "n/a N/A NA #N/A None - -- 1.#QNAN -1.#IND00 NULL nan -nan(ind) . <NA>"
 
 
 @pytest.mark.parametrize("nothing", USUAL.split())
-def test_a_cell_with_a_usual_name_of_nothing_is_a_gap(tmp_path: Path, nothing: str) -> None:
+def test_usual_markers_of_missing_values_are_gaps(tmp_path: Path, nothing: str) -> None:
     samples = read(write(tmp_path, row_with("x_mm", nothing).replace("9,1.5", '"1,009",')))
     np.testing.assert_array_equal(samples.numbers[:, 0], [1, 1, np.nan])
     np.testing.assert_array_equal(samples.frame, [7, 8, 1009])
@@ -113,7 +113,7 @@ def row_with(column: str, text: str) -> str:
         ("segment", "index_metacarpal", "line 5: segment 'index_metacarpal' carries no receiver in layout"),
     ],
 )
-def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
+def test_a_bad_cell_is_refused_with_its_line_and_column(
     tmp_path: Path, column: str, text: str, message: str
 ) -> None:
     refuse(write(tmp_path, row_with(column, text)), message)
@@ -137,7 +137,7 @@ def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
         (TWO_ROWS.encode() + ROW.format(frame=9, segment="\xe9").encode("latin-1"), "line 4: is not UTF-8"),
     ],
 )
-def test_a_file_that_is_no_tidy_recording(tmp_path: Path, content: str | bytes, message: str) -> None:
+def test_a_foreign_csv_file_is_refused(tmp_path: Path, content: str | bytes, message: str) -> None:
     refuse(write(tmp_path, content), message)
 
 
@@ -168,7 +168,7 @@ def parquet(tmp_path: Path, **changes: object) -> Path:
         ({"qw": None}, "column qw is missing"),
     ],
 )
-def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, object], message: str) -> None:
+def test_a_foreign_parquet_file_is_refused(tmp_path: Path, changes: dict[str, object], message: str) -> None:
     refuse(parquet(tmp_path, **changes), message)
 
 
@@ -182,7 +182,7 @@ def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, ob
     ],
     ids=["string-view", "duration", "timestamp", "blanks"],
 )
-def test_parquet_as_other_programs_write_it(tmp_path: Path, changes: dict[str, object]) -> None:
+def test_parquet_files_of_other_programs_are_read(tmp_path: Path, changes: dict[str, object]) -> None:
     samples = read(parquet(tmp_path, **changes))
     assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
     np.testing.assert_array_equal(samples.time_s, [0.5, np.nan])
@@ -190,7 +190,7 @@ def test_parquet_as_other_programs_write_it(tmp_path: Path, changes: dict[str, o
 
 
 def tidy_table(random: np.random.Generator, rows: int) -> pa.Table:
-    """A tidy recording with empty cells, whole numbers written as reals now and then, in any order."""
+    """Return a tidy recording with empty cells and rows in random order."""
     numbers = random.normal(0, 100, (rows, 9)).round(3)
     numbers[random.random((rows, 9)) < 0.05] = np.nan
     columns = {"frame": random.integers(0, 50, rows), "time_s": numbers[:, 0]}
@@ -210,8 +210,8 @@ def blocks_of(path: Path) -> list[Samples]:
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str) -> None:
-    """Every cell, and every row's place in the file, empty lines counted."""
+def test_reading_in_blocks_equals_reading_at_once(tmp_path: Path, ending: str) -> None:
+    """All cells are equal, and so is each row's line number, although the CSV file has an empty line."""
     path, table = tmp_path / f"rom{ending}", tidy_table(np.random.default_rng(7), 60)
     if ending == ".csv":
         pa_csv.write_csv(table, path)
@@ -229,7 +229,7 @@ def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str) -> None:
 
 
 @pytest.mark.parametrize("end", ["205.871", "205.", "2", ""])
-def test_a_last_number_that_may_be_cut_off_is_never_read(end: str, tmp_path: Path) -> None:
+def test_a_last_line_without_a_line_end_is_not_read(end: str, tmp_path: Path) -> None:
     samples = read(write(tmp_path, f"{HEADER}0,0,hand,1,2,3,1,0,0,0\n1,1,hand,1,2,3,1,0,0,{end}"))
     np.testing.assert_array_equal(samples.frame, [0])
     assert samples.losses == samples.notes

@@ -1,4 +1,4 @@
-"""Reading XDF: files made here byte by byte (XDF 1.0), and made sure of by pyxdf itself."""
+"""Reading XDF 1.0 files, which are written here byte by byte."""
 
 import gzip
 import struct
@@ -43,7 +43,7 @@ def refuse(tmp_path: Path, data: bytes, message: str, mapping: dict[str, object]
     recording_files.refuse(tmp_path / "rom.xdf", message, LIBERTY, mapping)
 
 
-def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
+def test_a_header_with_expanding_entities_is_refused(tmp_path: Path) -> None:
     names = "abcdefghij"
     entities = "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise(names))
     bomb = f'<!DOCTYPE info [<!ENTITY a "0123456789">{entities}]>'.encode()
@@ -52,7 +52,7 @@ def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
         read(tmp_path, xdf_of(pose_stream(1, bomb + head, TIMES, VALUES)))
 
 
-def test_a_packed_file_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_expands_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(xdf_streams, "MEMORY_BYTES", 1000)
     refuse(
         tmp_path, gzip.compress(PLAIN + bytes(100_000)), r"more than 0 MB; unpack it with gunzip to an \.xdf"
@@ -60,8 +60,8 @@ def test_a_packed_file_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("field", ["marker", "object"])
-def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
-    """Also beside streams of other types, and with one number of bytes or another."""
+def test_poses_times_and_gaps_are_read(tmp_path: Path, field: str) -> None:
+    """The file also has a stream of another type; channels are grouped by the field `marker` or `object`."""
     other = pose_stream(9, xdf_header(["eeg"], "cap", "EEG", types=["EEG"]), TIMES, VALUES[:, :1])
     samples = read(tmp_path, xdf_of(other, pose_stream(1, xdf_header(TWO, field=field), TIMES, VALUES)))
     assert [samples.segments[i] for i in samples.segment] == ["hand"] * 5 + ["index_distal"] * 5
@@ -81,7 +81,7 @@ def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
     ],
     ids=["left-out", "clock-offsets"],
 )
-def test_times_follow_the_rate_and_the_clock_and_jitter_stays(
+def test_missing_times_follow_the_rate_and_clock_offsets_are_applied(
     tmp_path: Path, stamps: Array, offsets: list[tuple[float, float]], time_s: Array
 ) -> None:
     samples = read(tmp_path, xdf_of(pose_stream(1, xdf_header(TWO), np.array(stamps), VALUES, offsets)))
@@ -96,8 +96,8 @@ MAPPING = {
 NAMED = file_of(xdf_header(["RB 1", "2"]))
 
 
-def test_a_mapping_says_which_marker_is_which_segment(tmp_path: Path) -> None:
-    """Also by number, the order and direction of quaternions, and what does not move."""
+def test_a_mapping_assigns_markers_to_segments(tmp_path: Path) -> None:
+    """It may also use numbers, set the order and direction of quaternions, and name fixed segments."""
     refuse(tmp_path, NAMED, "segment 'RB 1' is not in layout liberty16")
     receivers = {"hand": {"value": "RB 1"}, "thumb_distal": {"value": 2}}
     samples = read(tmp_path, NAMED, {**MAPPING, "receivers": receivers, "fixed": ["forearm"]})
@@ -137,15 +137,15 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
         (PLAIN + xdf_chunk(4, struct.pack("<Id", 1, 1.0)), "is damaged: pyxdf cannot read it"),
     ],
 )
-def test_an_unusable_xdf_file_is_refused_by_name(tmp_path: Path, data: bytes, message: str) -> None:
+def test_an_unusable_xdf_file_is_refused_with_the_reason(tmp_path: Path, data: bytes, message: str) -> None:
     refuse(tmp_path, data, message)
 
 
 @pytest.mark.parametrize("step", [23, pytest.param(3, marks=pytest.mark.slow)])
-def test_a_recording_that_was_not_ended_is_read_and_noted(
+def test_a_truncated_xdf_file_is_refused_or_read_with_a_note(
     tmp_path: Path, step: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Cut off at many bytes: refused, in a chunk's head, or the samples that are whole and a note."""
+    """If it is cut inside a chunk's header it is refused; else the complete samples are read, with a note."""
     whole = read(tmp_path, PLAIN)
     noted = 0
     for length in range(0, len(PLAIN), step):
@@ -157,10 +157,10 @@ def test_a_recording_that_was_not_ended_is_read_and_noted(
         np.testing.assert_array_equal(samples.numbers[:count], whole.numbers[:count])
         noted += samples.notes != ()
     assert noted > 300 // step
-    assert capfd.readouterr() == ("", ""), "pyxdf says nothing of its own"
+    assert capfd.readouterr() == ("", ""), "pyxdf prints nothing"
 
 
-def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
+def test_streams_with_the_same_name_are_selected_by_number(tmp_path: Path) -> None:
     data = xdf_of(*(pose_stream(number, xdf_header(TWO), TIMES + number, VALUES) for number in (4, 7)))
     refuse(
         tmp_path,

@@ -1,4 +1,4 @@
-"""What figures show: the tables' own numbers, gaps and peaks, who is missing and why, n and units."""
+"""Figures show the tables' numbers with gaps, peaks, n and units, and name what is missing and why."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def names_of(axes: Axes) -> list[str]:
 
 
 def dots_of(axes: Axes) -> dict[int, dict[str, float]]:
-    """Return the numbers that are drawn, by row from the top and then by name."""
+    """Return the numbers drawn as dots, by row from the top and then by subject."""
     dots = [line for line in axes.lines if str(line.get_gid()).startswith("dots")]
     return {
         int(str(line.get_gid())[4:]): dict(
@@ -51,8 +51,10 @@ def dots_of(axes: Axes) -> dict[int, dict[str, float]]:
     }
 
 
-def test_a_dot_is_a_subject_and_the_mark_its_mean(twelve: StudyResults) -> None:
-    """As model_values has them; what judges stands first, and in it the model to take."""
+def test_dots_are_subjects_and_the_mark_is_their_mean(twelve: StudyResults) -> None:
+    """The numbers are those of model_values; the deciding metric's panel is first, the best model its first
+    row.
+    """
     judged = {each.metric: each for each in judged_models(twelve)}
     drawn = models(twelve)[0].axes
     for axes, metric in zip(drawn, ("error_mm", "true_tip_mean_mm", REPLAY), strict=True):
@@ -68,7 +70,7 @@ def test_a_dot_is_a_subject_and_the_mark_its_mean(twelve: StudyResults) -> None:
 
 
 def test_models_with_the_same_numbers_share_a_row(twelve: StudyResults) -> None:
-    """A number that rests on joints alone is the same for models with the same joints."""
+    """Models with the same numbers share one row; with different numbers they have one each."""
     again = [
         row | {"model": "paper-fig3"} for row in twelve.rows.model_values if row["model"] == "paper-fig4"
     ]
@@ -80,8 +82,10 @@ def test_models_with_the_same_numbers_share_a_row(twelve: StudyResults) -> None:
     assert names_of(models(apart)[0].axes[0])[:3] == ["whole-hand", "paper-fig3", "paper-fig4"]
 
 
-def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
-    """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
+def test_without_a_truth_fitted_and_replayed_hands_have_separate_panels(twelve: StudyResults) -> None:
+    """One panel compares left-out errors of fitted hands and anatomy alone, the other errors of the
+    replay.
+    """
     blind = [{**row, "true_tip_mean_mm": None} for row in twelve.rows.skeleton_scores]
     figure, caption = models(compared(twelve.with_rows(skeleton_scores=blind, joint_errors=[])))
     left_out, replay = figure.axes
@@ -91,7 +95,7 @@ def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
     assert "not where they are" in caption
 
 
-def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> None:
+def test_drawn_joint_errors_and_stated_errors_equal_the_table(twelve: StudyResults) -> None:
     axes = joint_errors(twelve)[0].axes[1]
     rows = rows_where(twelve.rows.joint_errors, model="whole-hand", calibrated_on="rom")
     for row, joint in enumerate(names_of(axes)):
@@ -103,7 +107,9 @@ def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> No
 
 
 def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
-    """One of four hands failed wholly, and on another the ring DIP joint failed, the little one is weak."""
+    """Of four hands one failed entirely; on another the ring DIP joint failed and the little DIP joint is
+    weak.
+    """
     axes = joint_trust(results)[0].axes[-1]
     bars = [bar for bar in axes.containers if isinstance(bar, BarContainer)]
     shares = {name: [bar.patches[row].get_width() for bar in bars] for row, name in enumerate(names_of(axes))}
@@ -114,7 +120,7 @@ def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
     assert shares["index_pip"][0] == 75
 
 
-def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
+def test_bone_lengths_are_drawn_with_their_stated_error(twelve: StudyResults) -> None:
     bones = [
         {**row, "length_mm": 40.0 + index % 7, "sd_mm": 0.5} if row["model"] == "whole-hand" else row
         for index, row in enumerate(twelve.rows.bone_lengths)
@@ -131,7 +137,7 @@ def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
     assert 0 < faces.count(PAPER) < len(faces)
 
 
-def test_a_study_without_any_score_says_so(twelve: StudyResults, fitted_study: MadeStudy) -> None:
+def test_figures_without_any_score_state_the_reason(twelve: StudyResults, fitted_study: MadeStudy) -> None:
     empty = compared(twelve.with_rows(skeleton_scores=[], joint_errors=[], joint_centres=[], bone_lengths=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
         models(empty)
@@ -168,7 +174,7 @@ def test_a_missing_frame_breaks_a_line_of_few_frames(n: int, breaks: int) -> Non
     assert np.isnan(trace.high).sum() == breaks
 
 
-def test_tip_errors_are_the_tables_and_break_at_the_gap(study: MadeStudy, recording: Recording) -> None:
+def test_drawn_tip_errors_equal_the_table_and_break_at_gaps(study: MadeStudy, recording: Recording) -> None:
     figure, caption = tip_error(study.results, recording)
     line = next(line for line in figure.axes[1].lines if line.get_color() == COLOURS[2])
     rows = study.rows(TIPS, "paper-fig4", digit="index")
@@ -180,7 +186,7 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(study: MadeStudy, record
     assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "", "Device time [s]"]
 
 
-def test_joint_angles_are_the_tables(study: MadeStudy, recording: Recording) -> None:
+def test_drawn_joint_angles_equal_the_table(study: MadeStudy, recording: Recording) -> None:
     figure, caption = joint_angles(study.results, recording, "whole-hand")
     axes_of = {axes.get_title("right"): axes for axes in figure.axes}
     assert list(axes_of)[:3] == ["thumb_cmc", "thumb_mcp", "thumb_ip"]
@@ -198,8 +204,8 @@ def test_joint_angles_are_the_tables(study: MadeStudy, recording: Recording) -> 
     assert "n = 300 frames" in caption
 
 
-def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, recording: Recording) -> None:
-    """A panel a joint that was measured, digits in rows; a line an angle, a band of one SD to either side."""
+def test_drawn_cycle_curves_equal_the_table_with_their_sd(study: MadeStudy, recording: Recording) -> None:
+    """Each measured joint has a panel, each angle a line in a band of one SD to either side."""
     figure, caption = recording_cycles(study.results, recording, "whole-hand")
     axes_of = {axes.get_title("right"): axes for axes in figure.axes}
     assert list(axes_of)[:3] == ["thumb_mcp, n = 2–3", "index_mcp, n = 2–3", "index_pip, n = 2–3"]
@@ -218,7 +224,7 @@ def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, r
     assert "event “tap”" in caption
 
 
-def test_a_recording_without_cycles_says_why(study: MadeStudy) -> None:
+def test_the_figure_of_a_recording_without_cycles_states_the_reason(study: MadeStudy) -> None:
     left = find_recording(study.results, "S01", "left", "opposition")
     with pytest.raises(NoDataError, match="No event begins a cycle in this recording"):
         recording_cycles(study.results, left, "whole-hand")

@@ -1,4 +1,6 @@
-"""The files: sound SVG and PDF of the right size, text as text, the same bytes every time, any name."""
+"""Figure files: valid SVG and PDF of the right size, text kept as text, reproducible bytes, any subject
+name.
+"""
 
 import os
 import re
@@ -49,13 +51,13 @@ def texts(svg: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_two_processes_write_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One of them with other hashes, in another time zone and later."""
+    """The second process runs later, with another hash seed and time zone."""
     first, second = tmp_path / "first", tmp_path / "second"
     files = many_subjects(tmp_path, 3)
     assert run(*words_of(files, first)) == 0
     lines = capsys.readouterr().err.splitlines()
     for name, line in zip(("ranges-of-motion", "groups"), lines, strict=True):
-        assert name in line, "no movement here, and no factors"
+        assert name in line, "this study has no movement and no factors"
     script = str(REPOSITORY / "stages" / "print_figures.py")
     command = [sys.executable, "-W", "error", script, *words_of(files, second)]
     environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
@@ -78,7 +80,7 @@ def drawings(twelve: StudyResults, fitted_study: MadeStudy) -> dict[str, Drawing
         ("joint-trust", ("Hands [%]", "ring_dip")),
     ],
 )
-def test_text_stays_text_and_the_page_has_the_columns_width(
+def test_text_stays_text_and_the_pdf_has_the_column_width(
     drawings: dict[str, Drawing], tmp_path: Path, name: str, labels: tuple[str, ...]
 ) -> None:
     save(tmp_path, drawings[name])
@@ -93,7 +95,7 @@ def test_text_stays_text_and_the_page_has_the_columns_width(
     assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawings[name].caption + "\n"
 
 
-def test_a_name_is_drawn_as_it_is_or_with_codes_for_missing_letters(tmp_path: Path) -> None:
+def test_names_are_drawn_literally_or_with_codes_for_missing_glyphs(tmp_path: Path) -> None:
     as_they_are = ["$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"]
     names = [*as_they_are, "山田", "a\tb\x07", "𝒳🖐"]
 
@@ -112,7 +114,7 @@ def test_a_name_is_drawn_as_it_is_or_with_codes_for_missing_letters(tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
+def test_a_study_with_hostile_names_is_drawn_without_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     subject = "山田 $x_1$ \\frac"
@@ -134,7 +136,7 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
 
 
 @pytest.mark.slow
-def test_a_failure_is_a_sentence_or_is_drawn(
+def test_a_failure_is_printed_or_drawn_as_a_sentence(
     study: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = words_of(MadeStudy(study.file, tmp_path), tmp_path / "figures")

@@ -1,4 +1,4 @@
-"""Panels: every number is drawn where it belongs, joints where they are; a gross failure spoils no scale."""
+"""Panels: numbers and joints are drawn at their positions, and scales withstand gross failures."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ POINTS_MM = np.array([[0.0, 20, 0], [2, 60, 0], [4, 90, 0], [20, 20, 0], [12, 60
 
 
 def dots(picture: str) -> np.ndarray:
-    """Return where the dots of a picture are, (n, 2)."""
+    """Return the positions (n, 2) of the dots in a picture."""
     uses = re.findall(r'<use xlink:href="#\w+" x="([\d.]+)" y="([\d.]+)" style="[^"]*opacity', picture)
     return np.array(uses, float).reshape(-1, 2)
 
@@ -46,8 +46,8 @@ def panel(scale: Scale, *rows: PanelRow, n: int) -> Panel:
 
 
 @given(NUMBERS)
-def test_scales_hold_every_number(values: list[float]) -> None:
-    """All but those that are next to nothing on a logarithmic scale."""
+def test_scales_include_every_number(values: list[float]) -> None:
+    """A logarithmic scale may omit numbers below 1e-4 of its upper end."""
     numbers = np.abs(values)
     scale = value_scale(numbers)
     assert scale.high >= numbers.max()
@@ -55,8 +55,10 @@ def test_scales_hold_every_number(values: list[float]) -> None:
 
 
 @pytest.mark.parametrize(("gross", "kind"), [(4.0, "linear"), (150.0, "log"), (9000.0, "log")])
-def test_gross_failures_flatten_nothing(gross: float, kind: str) -> None:
-    """The usual numbers keep a good part of the axis beside one of centimetres."""
+def test_gross_failures_do_not_compress_the_usual_numbers(gross: float, kind: str) -> None:
+    """With a gross value of centimetres the scale becomes logarithmic, so that the usual numbers stay
+    readable.
+    """
     assert value_scale(np.append(np.linspace(1.0, 3.0, 30), gross)).kind == kind
 
 
@@ -73,8 +75,10 @@ def test_ticks_are_round_numbers(scale: Scale, expected: list[float]) -> None:
     assert [tick for tick in ticks if scale.low <= tick <= scale.high] == pytest.approx(expected)
 
 
-def test_every_subject_is_drawn() -> None:
-    """A dot a number, over its value; missing ones are counted; the same bytes twice."""
+def test_every_subject_has_a_dot_at_its_value() -> None:
+    """Dots are spaced like their values, rows with missing subjects state n, and the picture is
+    reproducible.
+    """
     first = PanelRow("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(31)})
     drawn = panel(
         value_scale(np.arange(1.0, 32)), first, PanelRow("c", LOOK, {"S0": 1.0}), PanelRow("d", LOOK), n=31
@@ -89,8 +93,10 @@ def test_every_subject_is_drawn() -> None:
         assert text in picture
 
 
-def test_rounding_errors_stretch_no_scale() -> None:
-    """They are nothing beside nothing, and at the foot beside a gross number; every dot is drawn."""
+def test_rounding_errors_do_not_stretch_a_scale() -> None:
+    """Numbers of rounding size alone give the unit scale; beside a gross number they are drawn at its lower
+    end.
+    """
     nothing = [9e-15, 2e-13, 0.0]
     assert value_scale(nothing) == Scale(0.0, 1.0)
     numbers = dict(zip("abcde", [*nothing, 1.0, 80.0], strict=True))
@@ -101,7 +107,7 @@ def test_rounding_errors_stretch_no_scale() -> None:
 
 
 def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion:
-    """Return two fingers whose tips lie on each other, in the view's own axes."""
+    """Return a motion of two fingers whose tips overlap, in the view's axes."""
     bones = tuple(BoneLine(i, i + 1, i // 3, i % 3, shared=False) for i in (0, 1, 3, 4))
     believed = (BELIEVED, NOT, BELIEVED, CARE, BELIEVED, BELIEVED)
     skeleton = ShownSkeleton(
@@ -119,16 +125,16 @@ def hand(of: HandMotion, title: str = "t") -> Panel:
     return hand_panel(title, of, of.skeletons[0], 0)
 
 
-def test_a_far_joint_is_named_and_shrinks_nothing() -> None:
+def test_a_far_joint_is_named_and_does_not_shrink_the_picture() -> None:
     points_mm = POINTS_MM.copy()
     points_mm[1, 0] = 500.0
     near, far = hand(motion()), hand(motion(points_mm=points_mm))
-    assert far.height_mm - near.height_mm < 4.0, "a line of words"
+    assert far.height_mm - near.height_mm < 4.0, "only by a line of text"
     assert ">Not in the picture: ring_dip.</text>" in page_picture(far)
     assert "var(--no)" not in page_picture(far)
 
 
-def test_joints_are_marked_by_verdict_and_a_title_is_text() -> None:
+def test_joints_are_coloured_by_verdict_and_titles_are_escaped() -> None:
     drawn = page_picture(hand(motion("left"), HOSTILE))
     root = ElementTree.fromstring(drawn.replace("xlink:href", "href"))
     assert root.findtext("title") == HOSTILE
@@ -140,8 +146,8 @@ def test_joints_are_marked_by_verdict_and_a_title_is_text() -> None:
 
 
 @pytest.mark.parametrize(("side", "sign"), [("right", 1), ("left", -1)])
-def test_no_hand_is_mirrored(side: str, sign: int) -> None:
-    """From the side the back of a right hand is to the right, that of a left one to the left."""
+def test_neither_hand_is_drawn_mirrored(side: str, sign: int) -> None:
+    """In the side view the back of the hand is on the right for a right hand, on the left for a left hand."""
     points_mm = POINTS_MM.copy()
     points_mm[1, 2] = 10.0
     axes = page_figure(hand(motion(side, points_mm))).axes[0]
@@ -150,7 +156,7 @@ def test_no_hand_is_mirrored(side: str, sign: int) -> None:
     assert np.sign(end - start) == sign
 
 
-def test_names_of_crossing_fingers_do_not_lie_on_each_other() -> None:
+def test_names_of_crossing_fingers_do_not_overlap() -> None:
     axes = page_figure(hand(motion())).axes[0]
     names = [text for text in axes.texts if text.get_text() in ("ring", "little")]
     for (x, y), (x2, y2) in combinations([name.get_position() for name in names], 2):

@@ -1,4 +1,6 @@
-"""The recording's page in a real browser: plots follow the hand, obey the pointer, and do not lie."""
+"""A recording's page in a real browser: plots follow the hand and the pointer and show the tables'
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ CURSOR = """(plot) => {
   const line = document.querySelector(plot + ' .plot-cursor');
   return line.hidden ? null : new DOMMatrix(getComputedStyle(line).transform).e;
 }"""
-# Where in a part of a plot's canvas (left, top, width, height) pixels have a colour, as [x, y] in the part.
+# Positions [x, y] of pixels with a colour in a part (left, top, width, height) of a plot's canvas.
 COLOURED = """([plot, name, left, top, width, height]) => {
   const hex = getComputedStyle(document.querySelector('[data-plots]')).getPropertyValue(name);
   const wanted = hex.match(/[0-9a-f]{2}/gi).map((part) => parseInt(part, 16)), pixels = [];
@@ -69,7 +71,7 @@ def index(page: WatchedPage) -> int:
 
 
 def at(plot: Locator, frame: float) -> dict[str, float]:
-    """Return where a frame is on a plot that shows the whole recording."""
+    """Return the position (CSS pixels) of a frame on a plot that shows the whole recording."""
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     assert box is not None
@@ -91,14 +93,14 @@ def plays_to(page: WatchedPage, frame: int) -> None:
     assert cursor(page, ERRORS) > start + 30
 
 
-def test_plots_follow_the_hand_and_tell_the_tables_numbers(
+def test_plots_follow_the_hand_and_show_the_tables_numbers(
     watched_page: WatchedPage, path: Path, study: MadeStudy
 ) -> None:
-    """A click takes the hand to that frame; while it plays the cursor moves and no plot is drawn anew."""
+    """A click moves the hand to that frame; during playback the cursor moves and no plot is redrawn."""
     page = watched_page
     show(page, path)
-    hovering_tells_tip_errors(page, study)
-    hovering_tells_joint_angles(page, study)
+    hovering_shows_tip_errors(page, study)
+    hovering_shows_joint_angles(page, study)
     for plot, frame in ((ERRORS, 200), (ANGLES, 20)):
         element = page.page.locator(plot)
         element.click(position=at(element, frame))
@@ -109,7 +111,7 @@ def test_plots_follow_the_hand_and_tell_the_tables_numbers(
     assert page.value("strokes") == 0
 
 
-def hovering_tells_tip_errors(page: WatchedPage, study: MadeStudy) -> None:
+def hovering_shows_tip_errors(page: WatchedPage, study: MadeStudy) -> None:
     tip_error_mm = {
         (model, row["digit"], row["frame"]): row["error_mm"]
         for model in MODELS
@@ -131,7 +133,7 @@ def hovering_tells_tip_errors(page: WatchedPage, study: MadeStudy) -> None:
     assert "at frame 1," in page.page.locator('[data-part="error-where"]').inner_text()
 
 
-def hovering_tells_joint_angles(page: WatchedPage, study: MadeStudy) -> None:
+def hovering_shows_joint_angles(page: WatchedPage, study: MadeStudy) -> None:
     plot = page.page.locator(ANGLES)
     for choice, model in enumerate(MODELS[1:]):
         page.page.locator('[data-part="angle-model"]').select_option(value=str(choice))
@@ -145,9 +147,9 @@ def hovering_tells_joint_angles(page: WatchedPage, study: MadeStudy) -> None:
             ]
 
 
-def test_gaps_stay_gaps_and_a_peak_is_drawn(watched_page: WatchedPage, path: Path) -> None:
-    """The index finger's errors of the fitted hands are not known in UNSEEN. On 50 pixels, six frames a
-    column, the peak is neither its column's first nor its last.
+def test_gaps_stay_empty_and_a_peak_is_drawn(watched_page: WatchedPage, path: Path) -> None:
+    """The fitted hands have no index finger errors in UNSEEN. On a plot of 50 pixels, six frames per column,
+    the peak is neither its column's first frame nor its last.
     """
     page = watched_page
     show(page, path)
@@ -176,12 +178,12 @@ def test_gaps_stay_gaps_and_a_peak_is_drawn(watched_page: WatchedPage, path: Pat
     assert pixels
     assert all(abs(x - (LEFT + PEAK_FRAME / 299 * 50)) < 3 for x, _ in pixels)
     (warning,) = page.console
-    assert "willReadFrequently" in warning, "of this test, which reads pixels twice"
+    assert "willReadFrequently" in warning, "caused by this test, which reads pixels twice"
     page.console.clear()
 
 
-def test_without_webgl_the_plots_still_play_below_a_still_hand(browser: Browser, path: Path) -> None:
-    del browser  # it ends the driver
+def test_without_webgl_the_plots_play_below_a_still_picture(browser: Browser, path: Path) -> None:
+    del browser  # the fixture ends the driver
     with chromium("--disable-gpu", "--disable-3d-apis") as blind, watched(blind) as page:
         show(page, path)
         page.wait("document.body.innerText.includes('The hand does not move here')")
@@ -191,12 +193,12 @@ def test_without_webgl_the_plots_still_play_below_a_still_hand(browser: Browser,
 
 
 def still_hand(page: WatchedPage) -> None:
-    """Look at the picture that stands where nothing can move."""
+    """Check that the still picture is shown instead of the moving hand."""
     assert page.page.locator(".viewer-still > svg").is_visible()
     assert "whole-hand-b, frame" in page.page.locator(".viewer-still p").inner_text()
 
 
-def test_without_scripts_the_page_says_what_to_do(browser: Browser, path: Path) -> None:
+def test_without_scripts_the_page_states_what_is_needed(browser: Browser, path: Path) -> None:
     with watched(browser, java_script_enabled=False) as page:
         page.open(path)
         still_hand(page)

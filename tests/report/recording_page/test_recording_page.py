@@ -1,4 +1,4 @@
-"""The page of a recording: its cells are the tables' numbers, its words true, and no name does harm."""
+"""The page of a recording: numbers equal the tables', reasons for missing parts, and escaped names."""
 
 from __future__ import annotations
 
@@ -33,9 +33,7 @@ def cells(number: float | None, decimals: int) -> str:
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
-def test_what_the_calibration_says_is_what_the_tables_say(
-    study: MadeStudy, recorded: str, model: str
-) -> None:
+def test_the_calibration_table_equals_the_results(study: MadeStudy, recorded: str, model: str) -> None:
     table = table_called(recorded, f"What the calibration says of each joint, {model}.")
     values = {row["joint"]: row["singular_values"] for row in study.rows(JOINT_SOLUTIONS, model)}
     rows = study.rows(JOINT_CENTRES, model)
@@ -48,7 +46,7 @@ def test_what_the_calibration_says_is_what_the_tables_say(
         assert shown[2:] == [*gaps, *counts, *singular, row["message"]]
 
 
-def test_tip_errors_in_numbers_are_the_tables_rows(study: MadeStudy, recorded: str) -> None:
+def test_the_tip_error_table_equals_the_results(study: MadeStudy, recorded: str) -> None:
     table = table_called(recorded, f"Tip error of the replay, {TITLE}.")
     rows = [row for model in study.study.models for row in study.rows(TIP_ERRORS, model)]
     assert len(table.rows) == len(rows) + 1 > 20
@@ -72,7 +70,7 @@ def test_a_model_without_results_is_left_out_with_the_reason(study: MadeStudy) -
     assert 'data-plot="angles"' not in page
 
 
-def test_poses_that_failed_leave_a_page_that_says_so(study: MadeStudy) -> None:
+def test_a_recording_without_poses_has_a_page_with_the_reason(study: MadeStudy) -> None:
     results = study.recording_results(HOSTILE, "left")
     assert results.motion is None
     text = text_of(recording_page(results))
@@ -81,11 +79,13 @@ def test_poses_that_failed_leave_a_page_that_says_so(study: MadeStudy) -> None:
     assert "Right hand, same task" in text
 
 
-def test_curves_over_cycles_stand_on_the_page_or_why_there_are_none(study: MadeStudy, recorded: str) -> None:
-    """A picture a joint that has them, with n; the page of a hand without events says so."""
+def test_cycle_curves_are_shown_or_the_reason_for_their_absence(study: MadeStudy, recorded: str) -> None:
+    """Each joint with curves has a picture with n; the page of a hand without events states that it has
+    none.
+    """
     section = recorded.partition('<section id="cycles">')[2].partition("</section>")[0]
     assert "Cycles from “tap”" in section
-    assert section.count("<svg viewBox") == 9 + 3, "joints of the table, and a legend of three angles"
+    assert section.count("<svg viewBox") == 9 + 3, "the joints of the table, and the legend's three angles"
     assert "index_pip, n = 2–3" in section
     left = text_of(recording_page(study.recording_results("S01", "left")))
     assert "No event begins a cycle in this recording" in left

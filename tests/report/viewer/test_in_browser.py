@@ -1,4 +1,4 @@
-"""The moving hand in a real browser: it draws, plays by the clock, obeys, and asks for nothing."""
+"""The moving hand in a real browser: drawing, playback speed, controls, views and fallback."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shukotsu.report.hand_motion import HandMotion
 pytestmark = pytest.mark.slow
 
 VIEWER = "document.querySelector('[data-hand-viewer]').viewer"
-# Draw now and count what is seen; the picture itself is gone once the browser has shown it.
+# Draw and count pixels at once: the drawing buffer is cleared after the browser has shown it.
 PIXELS = """(v) => {
   const gl = v.painter.gl, bytes = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
   v.calm = false;
@@ -31,7 +31,7 @@ PIXELS = """(v) => {
   }
   return {inked, sum, error: gl.getError()};
 }"""
-# The time that the browser hands to each drawing: the page's own clock may lag behind it.
+# Record the time that the browser passes to each drawing; the page's own clock may lag behind it.
 CLOCK = """
   const request = window.requestAnimationFrame.bind(window);
   window.requestAnimationFrame = (draw) => request((now) => { window.drawnAt = now; draw(now); });
@@ -49,7 +49,7 @@ def write(path: Path, motion: HandMotion) -> Path:
 
 @pytest.fixture(scope="module")
 def shown(study: MadeStudy) -> HandMotion:
-    """A motion of a right hand under three models, the last of them fitted."""
+    """The motion of a right hand under three models, the last one fitted."""
     return study.motion("right", "paper-fig4", "paper-fig3", "whole-hand")
 
 
@@ -70,17 +70,17 @@ def seen(page: WatchedPage) -> dict[str, Any]:
     return picture
 
 
-def test_it_draws_seeks_plays_and_obeys(watched_page: WatchedPage, file: Path, shown: HandMotion) -> None:
+def test_it_draws_seeks_and_obeys_keys(watched_page: WatchedPage, file: Path, shown: HandMotion) -> None:
     watched_page.page.add_init_script(CLOCK)
     page = opened(watched_page, file)
-    draws_every_point_where_the_recording_has_it(page, shown)
-    seeking_moves_the_hand_the_slider_and_the_words(page)
-    keys_step_play_turn_and_enlarge(page)
+    draws_every_point_at_its_recorded_position(page, shown)
+    seeking_moves_the_hand_the_slider_and_the_text(page)
+    keys_step_play_turn_and_zoom(page)
     for speed in ("1", "0.25"):
         plays_by_the_clock_at_the_speed_chosen(page, speed)
 
 
-def draws_every_point_where_the_recording_has_it(page: WatchedPage, shown: HandMotion) -> None:
+def draws_every_point_at_its_recorded_position(page: WatchedPage, shown: HandMotion) -> None:
     assert seen(page)["inked"] > 10_000
     assert not page.page.locator(".viewer-still").is_visible()
     assert page.page.locator("form").is_visible()
@@ -99,20 +99,20 @@ def draws_every_point_where_the_recording_has_it(page: WatchedPage, shown: HandM
 
 def plays_by_the_clock_at_the_speed_chosen(page: WatchedPage, speed: str) -> None:
     page.page.locator("[data-part=speed]").select_option(speed)
-    page.value(f"{VIEWER}.goTo(0)")  # at the last frame `play` goes there itself, which no drawing times
+    page.value(f"{VIEWER}.goTo(0)")  # else `play` would jump there from the last frame, untimed
     page.value(f"({HEARING})({VIEWER})")
     page.value(f"{VIEWER}.play()")
     page.wait("heard.length > 3 && heard.at(-1)[0] - heard[0][0] > .25")
     page.value(f"{VIEWER}.pause()")
     clock_s, time_s = np.array(page.value("heard")).T
     wrapped = np.flatnonzero(np.diff(time_s) < 0)
-    end = wrapped[0] + 1 if len(wrapped) else None  # where a slow machine came round to the start
+    end = wrapped[0] + 1 if len(wrapped) else None  # a slow machine may have played past the end
     passed, expected = time_s - time_s[0], (clock_s - clock_s[0]) * float(speed)
     np.testing.assert_allclose(passed[:end], expected[:end], atol=1.5 / 240)
     assert len(passed[:end]) > 1
 
 
-def seeking_moves_the_hand_the_slider_and_the_words(page: WatchedPage) -> None:
+def seeking_moves_the_hand_the_slider_and_the_text(page: WatchedPage) -> None:
     before = seen(page)
     moments = page.value(
         f"(() => {{ const heard = []; {VIEWER}.onframe((now) => heard.push(now));"
@@ -130,7 +130,7 @@ def seeking_moves_the_hand_the_slider_and_the_words(page: WatchedPage) -> None:
         assert page.value(f"{VIEWER}.index") == index
 
 
-def keys_step_play_turn_and_enlarge(page: WatchedPage) -> None:
+def keys_step_play_turn_and_zoom(page: WatchedPage) -> None:
     page.value(f"{VIEWER}.goTo(0)")
     page.page.locator("canvas").focus()
     press = page.page.keyboard.press
@@ -158,7 +158,7 @@ def keys_step_play_turn_and_enlarge(page: WatchedPage) -> None:
 
 
 @pytest.mark.parametrize(("hand", "thumb_is"), [("right", "left"), ("left", "right")])
-def test_no_hand_is_mirrored_and_looks_are_from_where_they_say(
+def test_no_hand_is_mirrored_and_views_show_the_named_side(
     watched_page: WatchedPage, study: MadeStudy, tmp_path: Path, hand: str, thumb_is: str
 ) -> None:
     motion = study.motion(hand, "whole-hand")
@@ -181,10 +181,10 @@ def test_no_hand_is_mirrored_and_looks_are_from_where_they_say(
             assert (turn @ [0, 0, 1])[1] == pytest.approx(1), "the back of the hand is up"
     for look, name in (("thumb", "thumb_mcp"), ("tips", "middle_pip")):
         assert max(names, key=lambda n: places[look, n][2]) == name
-    names_stand_at_their_fingertips(page, hand)
+    names_are_at_their_fingertips(page, hand)
 
 
-def names_stand_at_their_fingertips(page: WatchedPage, hand: str) -> None:
+def names_are_at_their_fingertips(page: WatchedPage, hand: str) -> None:
     page.page.locator("[data-look=back]").click()
     labels = page.page.locator(".viewer-labels span")
     page.wait(f"{VIEWER}.calm")
@@ -195,7 +195,7 @@ def names_stand_at_their_fingertips(page: WatchedPage, hand: str) -> None:
     page.wait(f"[...{VIEWER}.part.labels.children].every((label) => label.hidden)")
 
 
-def test_where_nothing_can_be_unpacked_the_still_picture_stands(browser: Browser, file: Path) -> None:
+def test_a_browser_that_cannot_unpack_the_motion_shows_a_still_picture(browser: Browser, file: Path) -> None:
     with watched(browser) as page:
         page.page.add_init_script("delete window.DecompressionStream")
         page.open(file)

@@ -1,4 +1,4 @@
-"""What is drawn is where the hand is: against simulated hands, whose every joint is known."""
+"""The motion drawn by the viewer equals that of simulated hands with known joints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIDES = pytest.mark.parametrize("side", ["right", "left"])
 
 
 def points_of(motion: HandMotion, name: str) -> np.ndarray:
-    """Positions (T, 3) of a point of the motion's only skeleton."""
+    """Return the positions (T, 3) in mm of a point of the motion's only skeleton."""
     skeleton = motion.skeletons[0]
     return np.asarray(skeleton.position_mm[:, skeleton.points.index(name)])
 
@@ -33,7 +33,7 @@ def test_joints_of_a_replayed_skeleton_are_the_true_ones(study: MadeStudy, side:
     np.testing.assert_allclose(points_of(study.motion(side, "paper-fig4"), joint), true, atol=1e-6)
 
 
-def test_frames_without_a_valid_receiver_stay_gaps(study: MadeStudy) -> None:
+def test_frames_without_a_needed_receiver_are_gaps(study: MadeStudy) -> None:
     motion = study.motion("right", "paper-fig4")
     for point in ("index_tip", "index_dip"):
         gap = np.isnan(points_of(motion, point)).all(-1)
@@ -42,7 +42,7 @@ def test_frames_without_a_valid_receiver_stay_gaps(study: MadeStudy) -> None:
 
 
 @SIDES
-def test_a_fitted_hand_moves_as_its_bones_were_posed(study: MadeStudy, side: str) -> None:
+def test_a_fitted_hand_moves_as_posed(study: MadeStudy, side: str) -> None:
     motion, truth = study.motion(side, "whole-hand"), exact_hand(side, 300)[0].truth
     for joint in ("thumb_mcp", "ring_cmc", "little_dip"):
         bone = BONES.index(LAYOUT.joints[joint].child)
@@ -52,7 +52,7 @@ def test_a_fitted_hand_moves_as_its_bones_were_posed(study: MadeStudy, side: str
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
-def test_tip_errors_are_those_of_the_replay(study: MadeStudy, model: str) -> None:
+def test_tip_errors_equal_those_of_the_replay(study: MadeStudy, model: str) -> None:
     (skeleton,) = study.motion("right", model).skeletons
     rows = study.rows(TIPS, model, digit="middle")
     np.testing.assert_allclose(skeleton.tip_error_mm[:, 2], [row["error_mm"] for row in rows], atol=1e-9)

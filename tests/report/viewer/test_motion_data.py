@@ -1,4 +1,4 @@
-"""A page holds the motion to the stated error, gaps and all, once, and a picture for where nothing moves."""
+"""The motion packed into a page: precision, gaps, size, and the still picture."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from shukotsu.report.viewer import (
 
 
 def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
-    """What `viewer.pack_blocks` wrote, by block: (T, N, W), NaN in gaps."""
+    """Unpack the blocks that `viewer.pack_blocks` wrote, by name: (T, N, W), NaN in gaps."""
     raw = np.frombuffer(zlib.decompress(data), np.uint8)
     blocks, at = {}, 0
     for part in parts:
@@ -54,13 +54,13 @@ VALUES = arrays(float, array_shapes(min_dims=3, max_dims=3, max_side=12), elemen
 
 
 def header_of(motion: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The header that a page holds, and its blocks as `viewer.js` reads them."""
+    """Return the header in a page, and its blocks as `viewer.js` reads them."""
     header = json.loads(motion_text(motion))
     return header, unpacked(base64.b64decode(header["data"]), header["blocks"])
 
 
 @given(VALUES, st.sampled_from([0.01, 0.05, 0.25]))
-def test_a_block_comes_back_to_half_a_step_with_its_gaps(values: np.ndarray, step: float) -> None:
+def test_a_packed_block_is_exact_to_half_a_step_and_keeps_gaps(values: np.ndarray, step: float) -> None:
     block = NumberBlock("some", step, values)
     read = unpacked(*pack_blocks([block]))["some"]
     gaps = np.isnan(values).any(-1)
@@ -69,7 +69,7 @@ def test_a_block_comes_back_to_half_a_step_with_its_gaps(values: np.ndarray, ste
 
 
 def points_in(header: dict[str, Any], blocks: dict[str, np.ndarray], index: int) -> np.ndarray:
-    """Positions (T, P, 3) of a skeleton's points as `viewer.js` finds them."""
+    """Return the positions (T, P, 3) of a skeleton's points as `viewer.js` computes them."""
     seats = header["skeletons"][index]["seats"]
     if seats is None:
         return blocks[f"points{index}"]
@@ -79,7 +79,7 @@ def points_in(header: dict[str, Any], blocks: dict[str, np.ndarray], index: int)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_a_motion_comes_back_to_the_stated_errors(study: MadeStudy, side: str) -> None:
+def test_a_packed_motion_is_exact_to_the_stated_steps(study: MadeStudy, side: str) -> None:
     motion = study.motion(side, "paper-fig4", "whole-hand", "paper-fig3")
     header, blocks = header_of(motion)
     for index, skeleton in enumerate(motion.skeletons):
@@ -95,7 +95,7 @@ def test_a_motion_comes_back_to_the_stated_errors(study: MadeStudy, side: str) -
     np.testing.assert_array_equal(blocks["frame"][:, 0, 0], motion.frame)
 
 
-def test_the_view_holds_the_hand_and_not_what_is_far_off(study: MadeStudy) -> None:
+def test_the_view_fits_the_hand_and_ignores_outliers(study: MadeStudy) -> None:
     motion = study.motion("right", "paper-fig4")
     header, _ = header_of(motion)
     skeleton = motion.skeletons[0]
@@ -107,7 +107,7 @@ def test_the_view_holds_the_hand_and_not_what_is_far_off(study: MadeStudy) -> No
 
 
 @pytest.mark.slow
-def test_a_recording_as_long_as_the_papers_is_small_under_seven_models(
+def test_a_recording_of_the_papers_length_stays_small(
     tmp_path: Path,
 ) -> None:
     motion = make_study(tmp_path, models=FITTED_MODELS, subjects=("S01",), n_frames=3774).motion("right")
@@ -116,19 +116,19 @@ def test_a_recording_as_long_as_the_papers_is_small_under_seven_models(
     assert len(motion_text(many)) < 1_300_000
 
 
-def test_the_data_stand_in_the_page_once_behind_a_still_picture(study: MadeStudy) -> None:
+def test_the_page_has_the_data_once_and_a_still_picture(study: MadeStudy) -> None:
     page = page_of_viewer("Right hand", study.motion("right", "paper-fig4", "whole-hand"))
     (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
     assert [skeleton["model"] for skeleton in json.loads(data)["skeletons"]] == ["paper-fig4", "whole-hand"]
     assert len(page) < len(data) + 80_000
     still, live = page.split('<form class="viewer-live"')
     lines = re.findall(r"fill: none; stroke: var\(--(\w+)\); stroke-width: 2.2", still)
-    assert set(lines) == set(DIGIT_HUES), "a digit in its colour"
+    assert set(lines) == set(DIGIT_HUES), "every digit in its colour"
     assert all(f">{digit}</text>" in still for digit in ("thumb", "index", "middle", "ring", "little"))
     assert live.split(">")[0].endswith(" hidden")
 
 
-def test_the_still_picture_is_of_the_most_open_whole_frame(study: MadeStudy) -> None:
+def test_the_still_picture_shows_the_most_open_complete_frame(study: MadeStudy) -> None:
     motion = study.motion("right", "paper-fig4")
     skeleton, valid = motion.skeletons[0], np.isfinite(motion.receiver_mm).all((1, 2))
     tips = skeleton.position_mm[:, [skeleton.points.index(f"{digit}_tip") for digit in motion.digits]]
