@@ -203,7 +203,7 @@ def test_a_folder_with_snakemakes_special_characters_is_refused(folder: Path) ->
 def test_whole_hand_models_are_refused_without_a_hand_layout(folder: Path) -> None:
     """With another model or a hand the study runs, and each arm is reported as a problem."""
     arm, hand = "01 right rom both a.csv - arm", "02 right rom both b.csv"
-    with pytest.raises(InputError, match=r"study\.yaml: models: model whole-hand fits .* layout arm is none"):
+    with pytest.raises(InputError, match=r"study\.yaml: models: model whole-hand .* layout arm does not"):
         StudyFiles(write_study(folder / "arms", arm, models=("whole-hand",)))
     assert StudyFiles(write_study(folder / "more", arm, models=("whole-hand", "paper-fig4"))).study.models
     assert StudyFiles(write_study(folder / "both", arm, hand, models=("whole-hand",))).study.models
