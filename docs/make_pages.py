@@ -47,11 +47,11 @@ def tables_page() -> str:
         NOTE,
         "# Tables",
         "",
-        "Every table is a Parquet file. Lengths are in mm, times in s, angles in degrees; a name ends in its",
-        "unit. Quaternions are unit, scalar first (w, x, y, z) and turn a receiver's (or bone's) frame into",
-        "the transmitter's. A gap is null, never NaN and never zero. A table of another version is refused.",
+        "Every table is a Parquet file, with lengths in mm, times in s and angles in degrees. Quaternions",
+        "are unit and scalar first (w, x, y, z), and rotate a receiver's or bone's coordinates into the",
+        "transmitter's frame. Gaps are null, never NaN or zero. A table of another version is refused.",
         "",
-        "What this page says stands in each file too, with its inputs' SHA-256 and the program's version:",
+        "Each file contains the same description, the SHA-256 of its inputs and the program's version:",
         "",
         "```python",
         "import pyarrow.parquet",
@@ -60,11 +60,11 @@ def tables_page() -> str:
         'table.schema.metadata[b"shukotsu"]  # a JSON object',
         "```",
         "",
-        "Below, **key** names the columns that tell rows apart: *hand* is `subject`, `session`, `hand`, and",
-        "*recording* these with `task`, `trial`. `{x,y,z}` stands for three columns. A type is double where",
-        "none is given; `?` says that a cell may be null.",
+        "Below, **key** lists the columns that identify a row: *hand* means `subject`, `session`, `hand`;",
+        "*recording* means these and `task`, `trial`. `{x,y,z}` stands for three columns. The type is double",
+        "unless another is given; `?` means that a cell may be null.",
         "",
-        "## Columns of many tables",
+        "## Shared columns",
         "",
         *_rows(shared.values()),
     ]
@@ -106,11 +106,11 @@ def configuration_page() -> str:
         NOTE,
         "# Configuration",
         "",
-        "A study is one YAML file that names its sheets, its layout and its skeleton models. Every file is",
-        "checked before anything runs: a key or column that is not listed here is refused by name. In",
-        "brackets: what a key holds, and what it is where it is left out.",
+        "A study is a YAML file that names its sheets, its layout and its skeleton models. Every file is",
+        "checked before anything runs, and an unknown key is refused by its name. The brackets after a key",
+        "contain its type and, after a semicolon, its default value.",
         "",
-        f"Layouts that ship: {', '.join(shipped_names('layout'))}. "
+        f"Layouts that come with the program: {', '.join(shipped_names('layout'))}. "
         f"Skeleton models: {', '.join(shipped_names('model'))}.",
     ]
     for kind in ("study", "layout", "model", "mapping"):
@@ -121,13 +121,13 @@ def configuration_page() -> str:
         "",
         "## Sheets",
         "",
-        "Tab-separated UTF-8 text with a header line. Cells are taken as they are, quotes too.",
+        "Tab-separated UTF-8 text with a header line. Quotation marks around a cell are removed.",
     ]
     for sheet in SHEETS.values():
         more = " Further columns are kept." if sheet.more_columns else ""
-        lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
+        lines += ["", f"### {sheet.name}", "", f"One row per {', '.join(sheet.key)}.{more}", ""]
         for cell in sheet.cells:
-            unless = f" unless `{cell.unless}` is there" if cell.unless else ""
+            unless = f" unless `{cell.unless}` has a value" if cell.unless else ""
             need = f" **needed**{unless}" if cell.required else ""
             lines.append(f"- `{cell.name}`{need}: {_linked(cell.description)}")
     return "\n".join(lines) + "\n"

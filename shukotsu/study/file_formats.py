@@ -51,7 +51,7 @@ FORMATS = {
     "capture": FileFormat(
         (".arrows",),
         "raw_capture.read_capture",
-        "a raw capture (`.arrows`), of which only receivers are to be said",
+        "a raw capture (`.arrows`), for which only the receivers have to be given",
         takes_study_mapping=False,
     ),
     "xdf": FileFormat((".xdf", ".xdfz"), "xdf.read_xdf", "a LabStreamingLayer recording"),
