@@ -98,8 +98,8 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
     each = [rows(units(0.1 + i / 100), 1)[0] | {"subject": f"S{i}"} for i in range(11)]
     (fault,) = faults(each)
     assert fault.text == (
-        "The positions seem to be in cm but are read as mm, a factor of 10; write `position_unit: cm` in "
-        "the mapping."
+        "The positions seem to be in cm but are read as mm, which differs by a factor of 10; write "
+        "`position_unit: cm` in the mapping."
     )
     assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
     assert not any(seen.what for seen in fault.seen)
