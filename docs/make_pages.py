@@ -47,11 +47,11 @@ def tables_page() -> str:
         NOTE,
         "# Tables",
         "",
-        "Every table is a Parquet file. Lengths are in mm, times in s, angles in degrees; a name ends in its",
-        "unit. Quaternions are unit, scalar first (w, x, y, z), from a receiver's (or bone's) frame to the",
-        "transmitter's. A gap is null, never NaN and never zero. A table of another version is refused.",
+        "Every table is a Parquet file, with lengths in mm, times in s and angles in degrees. Quaternions",
+        "are unit and scalar first (w, x, y, z), and rotate a receiver's or bone's coordinates into the",
+        "transmitter's frame. Gaps are null, never NaN or zero. A table of another version is refused.",
         "",
-        "Each file also contains its part of this page, the SHA-256 of its inputs and the program's version:",
+        "Each file contains the same description, the SHA-256 of its inputs and the program's version:",
         "",
         "```python",
         "import pyarrow.parquet",
@@ -60,11 +60,11 @@ def tables_page() -> str:
         'table.schema.metadata[b"shukotsu"]  # a JSON object',
         "```",
         "",
-        "Below, **key** names the columns that identify a row: *hand* is `subject`, `session`, `hand`, and",
-        "*recording* these with `task`, `trial`. `{x,y,z}` means three columns. Columns without a type are",
-        "double; `?` marks columns that can be null.",
+        "Below, **key** lists the columns that identify a row: *hand* means `subject`, `session`, `hand`;",
+        "*recording* means these and `task`, `trial`. `{x,y,z}` stands for three columns. The type is double",
+        "unless another is given; `?` means that a cell may be null.",
         "",
-        "## Columns of many tables",
+        "## Shared columns",
         "",
         *_rows(shared.values()),
     ]
@@ -106,11 +106,11 @@ def configuration_page() -> str:
         NOTE,
         "# Configuration",
         "",
-        "A study is one YAML file that names its sheets, its layout and its skeleton models. Every file is",
-        "checked before anything runs: a key or column that is not listed here is refused by name. Brackets",
-        "contain a key's type or values, and its default.",
+        "A study is a YAML file that names its sheets, its layout and its skeleton models. Every file is",
+        "checked before anything runs, and an unknown key is refused by its name. The brackets after a key",
+        "contain its type and, after a semicolon, its default value.",
         "",
-        f"Layouts that ship: {', '.join(shipped_names('layout'))}. "
+        f"Layouts that come with the program: {', '.join(shipped_names('layout'))}. "
         f"Skeleton models: {', '.join(shipped_names('model'))}.",
     ]
     for kind in ("study", "layout", "model", "mapping"):
@@ -121,13 +121,13 @@ def configuration_page() -> str:
         "",
         "## Sheets",
         "",
-        "Tab-separated UTF-8 text with a header line. Quotation marks around a whole cell are removed.",
+        "Tab-separated UTF-8 text with a header line. Quotation marks around a cell are removed.",
     ]
     for sheet in SHEETS.values():
         more = " Further columns are kept." if sheet.more_columns else ""
-        lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
+        lines += ["", f"### {sheet.name}", "", f"One row per {', '.join(sheet.key)}.{more}", ""]
         for cell in sheet.cells:
-            unless = f" unless `{cell.unless}` is there" if cell.unless else ""
+            unless = f" unless `{cell.unless}` has a value" if cell.unless else ""
             need = f" **needed**{unless}" if cell.required else ""
             lines.append(f"- `{cell.name}`{need}: {_linked(cell.description)}")
     return "\n".join(lines) + "\n"
@@ -137,28 +137,28 @@ def mistakes_page() -> str:
     """Return the page of mistakes: all kinds with their causes and cures."""
     lines = [
         NOTE,
-        "# Mistakes that are named",
+        "# Mistakes that are detected",
         "",
-        "Before joints are solved, what was declared about a recording is checked against its poses: each",
-        "mistake on this page is undone in turn. If that explains the poses decisively better (joints close,",
-        "lengths and positions are a hand's, joints rotate as joints do), the mistake is reported in one",
-        "sentence with what to write. `shukotsu check`, `import` and `inspect` report the same ([how often",
-        "they are right](mistakes-benchmark.md)). If you see a symptom that has no name, begin at",
-        "[what went wrong](what-went-wrong.md).",
+        "Before joints are solved, the declared properties of a recording are tested against its poses.",
+        "Every mistake on this page is corrected in turn, as a test. If a correction explains the poses",
+        "decisively better (joints close; lengths, places and motion are those of a hand), the mistake is",
+        "reported in one sentence that states what to write. `shukotsu check`, `import` and `inspect` give",
+        "the same messages ([how often they are right](mistakes-benchmark.md)). If you have a symptom but",
+        "no message, start with [what went wrong](what-went-wrong.md).",
         "",
-        "A finding states its effect: the median gap of the joints concerned (the distance between a joint's",
-        "centre as seen from its two receivers) as declared and as corrected, and how many centres move by",
-        "more than 2 mm on their bones. If no joint closes better and none moves, it states that nothing",
-        "measurable is gained. Findings of the same mistake with the same cure are a single item in the",
-        "report and on the terminal, with the recordings that have it.",
+        "A finding also shows how much it matters: the median gap of the joints concerned (the distance",
+        "between the joint centres computed from a joint's two receivers) before and after the correction,",
+        "and the number of centres that move by more than 2 mm on their bones. The same mistake with the",
+        "same cure in several recordings is one item in the report and on the terminal, with a list of the",
+        "recordings.",
         "",
-        "A finding is `refused` (the recording is not used), `suspect` (shown, but excluded from summaries",
-        "and statistics) or a `note`; a reason in the column `accept` of the recordings sheet makes suspect",
-        "findings notes. A hand with a refused or suspect recording is not used for the person's other",
-        "hand. All are in `problems.parquet` with `kind`, `variant` (which of the kind's sentences applies)",
-        "and `values` (numbers, receivers and joints as JSON), so that no sentence needs to be parsed. For",
-        "layouts that are not of a hand, mistakes in digits, the wrong hand, turned receivers and small",
-        "errors of the unit are not detected.",
+        "A finding is `refused` (the recording is not used), `suspect` (it is solved and shown, but left",
+        "out of headlines and statistics) or a `note`. A reason in the column `accept` of the recordings",
+        "sheet turns suspect findings into notes. A hand with a refused or suspect recording is not used",
+        "for the fit of the person's other hand. All findings are in `problems.parquet` with `kind`,",
+        "`variant` (which of the sentences of the kind) and `values` (numbers, receivers and joints as",
+        "JSON), so that programs need not parse sentences. For layouts other than hands, swapped digits,",
+        "the wrong hand, turned receivers and small errors of the unit are not detected.",
         "",
     ]
     for name, kind in read_yaml(DOCS.parent / "schemas" / "mistakes.yaml", "mistakes").items():

@@ -65,7 +65,7 @@ FORMATS = {
     "capture": FileFormat(
         (".arrows",),
         "raw_capture.read_capture",
-        "a raw capture (`.arrows`), for which only the receivers are stated",
+        "a raw capture (`.arrows`), for which only the receivers have to be given",
         takes_study_mapping=False,
     ),
     "xdf": FileFormat((".xdf", ".xdfz"), "xdf.read_xdf", "a LabStreamingLayer recording"),

@@ -69,7 +69,7 @@ def test_a_refused_recording_is_not_used_by_later_stages(plan: SubjectPlan, plan
     assert [recording.task for recording in plan.all_calibrating("right")] == ["rom"]
     assert len(read_plan(plan_file).all_calibrating("left")) == 1
     plan.check_calibration_left("right")
-    with pytest.raises(InputError, match=r"no calibration recording is left: The poses jump about"):
+    with pytest.raises(InputError, match=r"no calibration recording is left: The poses jump from frame"):
         plan.check_calibration_left("left")
 
 

@@ -55,7 +55,7 @@ def test_no_repair_is_advised_if_the_hemisphere_is_undecidable(planted: Planted)
     position[400:, planted.poses.index("ring_distal")] *= -1
     flipped = replace(planted.poses, position_mm=position)
     undecided = {"hemisphere-undecided": {"ring_distal": 900}}
-    for left_out, sentence in (({}, "`repair`"), (undecided, "a receiver that was on both sides")):
+    for left_out, sentence in (({}, "`repair`"), (undecided, "receiver was on both sides")):
         (finding,) = check_recording(flipped, LAYOUT, "right", left_out=left_out).findings
         assert (finding.kind, finding.severity) == ("hemisphere", SUSPECT)
         assert sentence in finding.message

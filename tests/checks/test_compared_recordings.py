@@ -62,7 +62,7 @@ def test_a_recording_with_a_sudden_change_is_not_compared_with_others(
         hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen | {"percent": 9.0}]
     )
     assert few.findings[0].severity == SUSPECT
-    assert "receiver hand is not where its neighbours say, first at 2.00 s" in few.findings[0].message
+    assert "receiver hand contradicts its neighbours, first at 2.00 s" in few.findings[0].message
 
 
 def test_receivers_put_on_again_are_a_note() -> None:
@@ -72,7 +72,7 @@ def test_receivers_put_on_again_are_a_note() -> None:
     first, later = (("rom", "right", checked(hand_of(7, hand))) for hand in ("right", "left"))
     before, (finding,) = (recording.findings for recording in compare_recordings([first, later]))
     assert (before, finding.kind, finding.severity) == ((), "other-person", NOTE)
-    assert "give this recording a session of its own in the column session" in finding.message
+    assert "give this recording a separate session in the column session" in finding.message
     assert kinds([later]) == [[]], "a recording is not compared with itself"
 
 

@@ -405,47 +405,41 @@ def _not_worn(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
 
 
 RULES: Sequence[tuple[str, Follow]] = (
-    (r"(?:pose|receiver) of (.+), which the layout .* write (`[^`]+`) under these segments", _not_worn),
+    (r"(?:pose of|receiver for) (.+), which the layout .* write (`[^`]+`) under these segments", _not_worn),
     (
-        r"write (`axes: \w+`) under `(orientation)` in the mapping, and the columns of .* opposite",
+        r"write (`axes: \w+`) under `(orientation)` in the mapping, and reverse the order of the columns",
         _fixed_axes,
     ),
     (r"write (`in_step: false`) under `csv` and the tracker's `rate_hz` in the mapping", _not_in_step),
     (r"write ((?:`[^`]+`(?: and )?)+) under `(\w+)` in the mapping", _key_under),
     (r"write (`[^`]+`) in the mapping", _key),
-    (r"receivers (?P<pairs>.+) seem to be swapped.*exchange their names in `receivers` of the map", _names),
-    (r"exchange these names in `receivers` of the mapping: (?P<pairs>.+)\.", _names),
-    (
-        r"receivers (?P<pairs>.+) seem to be swapped.*exchange their names in the file's column",
-        _names_in_file,
-    ),
+    (r"exchange these names under `receivers` in the mapping: (?P<pairs>.+)\.", _names),
     (r"exchange these names in the file's column .* in the layout: (?P<pairs>.+)\.", _names_in_file),
-    (r"name the file's columns (.+) anew: ([^.]+?)(?:, and negate (.+))?\.$", _renamed),
+    (r"rename the file's columns (.+) to ([^.]+?)(?:, and negate (.+))?\.$", _renamed),
     (r"; negate (.+) in the file", lambda words, lab_file, _: _negated(words[1], lab_file)),
     (
-        r"receivers (\w+) and (\w+) change places.*exchange the numbers of .* in frames (\d+) to (\d+)",
+        r"receivers (\w+) and (\w+) are exchanged.*exchange the numbers of .* in frames (\d+) to (\d+)",
         _exchanged_numbers,
     ),
     (r"add (\S+) s to all times from frame (\d+) on in the file", _added),
     (r"multiply (.+) by (\S+) in the file", _multiplied),
     (r"put (\S+_mm, \S+_mm, \S+_mm) in place of (.+) in the file", _in_place),
     (r"such as (.*?): .*leave the numbers of these poses empty in the file, and check again", _spiked),
-    (r"where nothing can be, (.*?): .*leave the numbers of these poses empty in the file, and", _spiked),
-    (r"0, 0, 0 and not turned.*leave the numbers of these poses empty in the file", _zeroed),
-    (r"The receiver (\w+) .*leave its numbers empty in the file where they repeat those before", _stuck),
-    (r"leave the rows out of the file that repeat those of the frame before", _rows_left_out),
+    (r"0, 0, 0 without rotation.*leave the numbers of these poses empty in the file", _zeroed),
+    (r"The receiver (\w+) .*leave its numbers empty where they repeat the previous ones", _stuck),
+    (r"delete the rows of the file that repeat those of the frame before", _rows_left_out),
     (r"write (`[^`]+`) under the segment (\w+) in the layout", _under_segment),
     (r"write (`[^`]+`) in the layout", _in_layout),
     (r"write `repair` in the column hemisphere of the recordings sheet", _in_sheet("hemisphere", "repair")),
     (
-        r"write `(\w+)` in the column hand of the recordings sheet .*, or, if it is a (\w+) hand and the "
-        r"file mirrored, (.+)\.",
+        r"write `(\w+)` in the column hand of the recordings sheet .*; or, if it is a (\w+) hand and the "
+        r"file is mirrored, (.+)\.",
         _other_hand,
     ),
     (r"give a reason under `exclude` in the recordings sheet", _in_sheet("exclude", "too short")),
-    (r"name the right ones in the mapping|put the right ones into the file", _looked_up),
-    (r"name each one's own columns or `value` in the mapping", _looked_up),
-    (r"export the file again, each receiver with numbers of its own", _looked_up),
+    (r"name the right columns in the mapping|put the right columns into the file", _looked_up),
+    (r"name separate columns or a separate `value` for each of them in the mapping", _looked_up),
+    (r"export the file again, with separate numbers for each receiver", _looked_up),
 )
 """What to do, by a regular expression that matches the cure."""
 

@@ -307,7 +307,7 @@ def test_a_cluster_on_two_bones_is_found_and_its_cure_works(
     assert "leave forearm out of" in checked({**markers, "forearm": labels[7:14:3]})
     del markers["forearm"]
     said = checked(markers)
-    assert said.startswith("note: receivers-absent: The mapping names no receiver of forearm, which")
+    assert said.startswith("note: receivers-absent: The mapping has no receiver for forearm, which")
 
 
 NAMES = {

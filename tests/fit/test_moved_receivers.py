@@ -70,7 +70,7 @@ def test_only_joints_and_tips_that_need_a_moved_receiver_are_empty(tmp_path: Pat
     assert (row["segment"], row["from_frame"]) == ("index_distal", poses.frame[0])
     assert (row["joints"], row["digits"]) == ("index_dip", "index")
     sentence = moved_finding(row).message
-    assert "index_distal sits elsewhere in opposition than in the calibration" in sentence
+    assert "index_distal is in another place in opposition than in the calibration" in sentence
     blocks = [next(posed_blocks(tips, path, receivers, calibrates=was)) for was in (False, True)]
     angles, ends = blocks[0]["joint_angles"], blocks[0]["posed_tips"]
     for names, values, lost in (

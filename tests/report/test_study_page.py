@@ -213,7 +213,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_folded(
     assert shown.count("<strong>") == 3
     assert "<strong>11 recordings</strong>" in shown
     assert shown.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
-    assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in shown
+    assert "<li>subject S10, left hand, rom: after correction, the gap of index_pip falls" in shown
     assert shown.index("seem to be the inverse") < shown.index("0 stray")
     assert folded.count("stray") == 3
     text = outcome_text(many)

@@ -98,12 +98,12 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
     each = [rows(units(0.1 + i / 100), 1)[0] | {"subject": f"S{i}"} for i in range(11)]
     (fault,) = faults(each)
     assert fault.text == (
-        "The positions seem to be in cm and are read as mm, a factor of 10 off; write `position_unit: cm` in "
-        "the mapping."
+        "The positions seem to be in cm but are read as mm, which differs by a factor of 10; write "
+        "`position_unit: cm` in the mapping."
     )
     assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
     assert not any(seen.what for seen in fault.seen)
-    assert fault.seen[3].evidence == "the hand comes out 0.13 times the average size, put right 1 times"
+    assert fault.seen[3].evidence == "the hand has 0.13 times the average size, after correction 1 times"
 
 
 def test_a_fault_of_one_recording_is_its_findings_sentence() -> None:
@@ -130,7 +130,7 @@ def test_evidence_is_listed_with_each_recording() -> None:
     (fault,) = faults(rows(finding_of_key("receivers-swapped", seen="gap", **EVIDENCE["gap"]), 2))
     assert "gap" not in fault.text
     assert {seen.evidence for seen in fault.seen} == {
-        "put right, the gap of index_pip falls from 31.2 to 1.4 mm"
+        "after correction, the gap of index_pip falls from 31.2 to 1.4 mm"
     }
 
 
@@ -173,10 +173,10 @@ def test_a_sentence_has_the_mistake_its_effect_and_the_cure() -> None:
     swapped = examples()[-1]
     assert swapped.what == ("The receivers index_middle and index_distal seem to be swapped")
     assert swapped.message == (
-        "The receivers index_middle and index_distal seem to be swapped (put right, the gap of index_pip "
-        "falls from 31.2 to 1.4 mm; put right, the median gap of the joints concerned goes from 12.1 to "
-        "1.3 mm, and 5 of 16 centres move by more than 2 mm); exchange these names in `receivers` of the "
-        "mapping: index_middle with index_distal."
+        "The receivers index_middle and index_distal seem to be swapped (after correction, the gap of "
+        "index_pip falls from 31.2 to 1.4 mm; after correction, the median gap of the joints concerned goes "
+        "from 12.1 to 1.3 mm, and 5 of 16 centres move by more than 2 mm); exchange these names under "
+        "`receivers` in the mapping: index_middle with index_distal."
     )
     turned = finding_of_key("receiver-turned/one")
     assert "by -90 deg about its y axis" in turned.message

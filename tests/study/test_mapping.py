@@ -67,9 +67,9 @@ def test_defaults_are_filled_in_and_units_converted_to_mm(config: dict[str, Any]
         (put(C3D, "receivers.hand.markers", ["GloveR1", "GloveR2"]),
          "receivers.hand.markers: has 2; expected 3 or more of a rigid cluster"),
         (put(LONG, "csv.position", ["x", "y"]),
-         "csv.position: has 2; expected at least 3: long: the columns"),
+         "csv.position: has 2; expected at least 3: long: columns"),
         (put(WIDE, "receivers.hand.orientation", ["a"]),
-         "receivers.hand.orientation: has 1; expected at least 3: csv with one row a frame"),
+         "receivers.hand.orientation: has 1; expected at least 3: csv with one row per frame"),
         (put(C3D, "receivers.Right-Hand", {}),
          "receivers: 'Right-Hand' is not a valid segment name; names are lower case letters, digits and "
          "underscores; did you mean 'right_hand'?"),
