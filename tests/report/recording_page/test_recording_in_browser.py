@@ -184,7 +184,7 @@ def test_without_webgl_the_plots_still_play_below_a_still_hand(browser: Browser,
     del browser  # it ends the driver
     with chromium("--disable-gpu", "--disable-3d-apis") as blind, watched(blind) as page:
         show(page, path)
-        page.wait("document.body.innerText.includes('The hand does not move here')")
+        page.wait("document.body.innerText.includes('The hand cannot be shown in motion')")
         still_hand(page)
         assert page.page.locator(".viewer-stage").is_hidden()
         plays_to(page, 30)

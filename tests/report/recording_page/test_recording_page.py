@@ -68,7 +68,7 @@ def test_a_model_without_results_is_left_out_with_the_reason(study: MadeStudy) -
     page = recording_page(replace(results, left_out={"rigid": "no hand <was> fitted"}))
     text = text_of(page)
     assert "rigid: no hand <was> fitted" in text
-    assert "Only models that fit the whole hand state joint angles" in text
+    assert "Joint angles are computed only by models that fit the whole hand" in text
     assert 'data-plot="angles"' not in page
 
 
@@ -88,4 +88,4 @@ def test_curves_over_cycles_stand_on_the_page_or_why_there_are_none(study: MadeS
     assert section.count("<svg viewBox") == 9 + 3, "joints of the table, and a legend of three angles"
     assert "index_pip, n = 2–3" in section
     left = text_of(recording_page(study.recording_results("S01", "left")))
-    assert "No event begins a cycle in this recording" in left
+    assert "No event starts a cycle in this recording" in left

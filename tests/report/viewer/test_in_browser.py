@@ -199,7 +199,7 @@ def test_where_nothing_can_be_unpacked_the_still_picture_stands(browser: Browser
     with watched(browser) as page:
         page.page.add_init_script("delete window.DecompressionStream")
         page.open(file)
-        page.wait("document.body.innerText.includes('The hand does not move here')")
+        page.wait("document.body.innerText.includes('The hand cannot be shown in motion')")
         assert page.page.locator(".viewer-still > svg").is_visible()
         assert not page.page.locator("form").is_visible()
         assert "whole-hand, frame" in page.page.locator(".viewer-still p").inner_text()
