@@ -270,7 +270,7 @@ def test_events_on_a_weak_clock_cut_nothing_and_are_no_strokes(measured: Measure
     cycles = measured.rows("movement_cycles", hand="left")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
     (stroke,) = measured.rows("event_strokes", hand="left")
-    assert (stroke["used"], stroke["message"]) == (False, "its clock is not sure: its clock is weak")
+    assert (stroke["used"], stroke["message"]) == (False, "its clock is uncertain: its status is weak")
 
 
 def test_strokes_are_those_that_were_played(measured: Measured) -> None:
@@ -295,6 +295,6 @@ def test_a_digit_that_an_event_names_is_believed_and_what_is_not_sure_is_not_use
     named, late, other = measured.strokes[3:6]
     assert (named["digit"], named["used"]) == (measured.played.strokes[3].digit, True)
     assert (late["used"], late["digit"]) == (False, "")
-    assert late["message"] == "its onset is known to 30 ms, more than 10"
+    assert late["message"] == "1-sigma error of its onset: 30 ms, more than 10 ms"
     assert (other["used"], other["digit"]) == (False, ""), "nothing went down then"
-    assert other["message"].startswith("no digit of this hand went down")
+    assert other["message"].startswith("no digit of this hand moved down")

@@ -71,9 +71,9 @@ def test_midi_is_brought_over_by_events_of_the_sheet(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pulses", "rows", "message"),
     [
-        ("", [], "has its own clock; state which of its events the recording has as well"),
+        ("", [], "has its own clock; state which of its events are also in the recording"),
         ("note 25", [], "has no event named 'note 25'; it has note 24, note 60"),
-        ("note 24", [], "the recording has no events named 'note 24' to bring them to"),
+        ("note 24", [], "the recording has no events named 'note 24' to align them with"),
         ("note 24 = clap", sheet(1.0), "the recording has no events named 'clap'"),
     ],
 )
@@ -139,7 +139,7 @@ def test_cycles_of_another_length_are_refused() -> None:
 def test_cycles_whose_ends_are_not_known_are_refused() -> None:
     """By its own onset, by the next one that ends it, and by a weak clock; what nothing says is no error."""
     cycles = cut_cycles("tap", [0, 1, 2, 3, 4, 5], [NAN] * 6, [NAN, 0.04, 0.06, 0.0, 0.0, np.inf])
-    reasons = ["", "known to 60 ms", "known to 60 ms", "", "clock of its events is weak"]
+    reasons = ["", "its onset, 60 ms", "its onset, 60 ms", "", "clock of its events is weak"]
     for cycle, reason in zip(cycles, reasons, strict=True):
         assert reason in cycle.refusal
         assert bool(reason) == bool(cycle.refusal)
