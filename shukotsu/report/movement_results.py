@@ -207,11 +207,11 @@ _LABELS = {
     "range_deg": N_("Range of motion"),
     "full_range_deg": N_("Full range"),
     "median_deg": N_("Posture, median"),
-    "speed_median_deg_s": N_("Speed, median"),
-    "speed_p95_deg_s": N_("Speed, 95 %"),
+    "speed_median_deg_s": N_("Median speed"),
+    "speed_p95_deg_s": N_("Speed, 95th percentile"),
     "path_length_mm": N_("Path length"),
-    "speed_median_mm_s": N_("Speed, median"),
-    "speed_p95_mm_s": N_("Speed, 95 %"),
+    "speed_median_mm_s": N_("Median speed"),
+    "speed_p95_mm_s": N_("Speed, 95th percentile"),
 }
 _QUANTITIES = {quantity.name: quantity for quantity in QUANTITIES}
 

@@ -185,7 +185,7 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         PageColumn(tr("Calibrated on"), _made_from, is_text=True),
         PageColumn(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
         quantile(heading("median_mm"), 0.5),
-        quantile("90 % [mm]", 0.9),
+        quantile(tr("90th percentile [mm]"), 0.9),
         quantile(heading("max_mm"), 1.0),
         PageColumn(
             f"> {FAR_MM:.0f} mm [%]", lambda each: _percent([e > FAR_MM for e in _sizes(each, "error_mm")])
