@@ -296,5 +296,5 @@ def test_a_digit_that_an_event_names_is_believed_and_what_is_not_sure_is_not_use
     assert (named["digit"], named["used"]) == (measured.played.strokes[3].digit, True)
     assert (late["used"], late["digit"]) == (False, "")
     assert late["message"] == "1-sigma error of its onset: 30 ms, more than 10 ms"
-    assert (other["used"], other["digit"]) == (False, ""), "nothing went down then"
+    assert (other["used"], other["digit"]) == (False, ""), "no digit moved down then"
     assert other["message"].startswith("no digit of this hand moved down")

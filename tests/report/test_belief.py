@@ -111,7 +111,7 @@ def test_the_joint_table_has_every_joint_with_its_numbers(fitted: StudyResults) 
     assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
 
 
-def test_a_joint_slightly_above_the_wanted_error_is_listed_with_its_uses(fitted: StudyResults) -> None:
+def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: StudyResults) -> None:
     layout = fitted.layouts[LEFT]
     row = {
         **rows_where(

@@ -124,7 +124,7 @@ def test_groups_are_compared_in_a_table_and_a_figure(
 def test_groups_move_over_the_cycle_in_two_colours(
     results: StudyResults, movement: StudyMovement, groups_study: Study
 ) -> None:
-    """Each subject's mean cycle first, over sessions; a subject counts where it is measured."""
+    """Each subject's own mean cycle first, over sessions; a subject counts where it is measured."""
     rows = pd.DataFrame(drawn.curves(RECORDINGS, FITTED_MODELS))
     rows = rows[(rows["model"] == "whole-hand") & (rows["joint"] == "index_pip")]
     own = rows.astype({"mean_deg": float}).pivot_table("mean_deg", "subject", "cycle_percent", dropna=False)

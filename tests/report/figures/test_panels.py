@@ -123,7 +123,7 @@ def test_a_far_joint_is_named_and_shrinks_nothing() -> None:
     points_mm = POINTS_MM.copy()
     points_mm[1, 0] = 500.0
     near, far = hand(motion()), hand(motion(points_mm=points_mm))
-    assert far.height_mm - near.height_mm < 4.0, "a line of words"
+    assert far.height_mm - near.height_mm < 4.0, "only by a line of text"
     assert ">Not shown: ring_dip.</text>" in page_picture(far)
     assert "var(--no)" not in page_picture(far)
 
