@@ -181,7 +181,7 @@ def test_what_a_model_without_stated_errors_says_is_weak(measured: Measured) -> 
     rows = measured.rows("ranges_of_motion", model="rigid", task=TASK)
     rows = [row for row in rows if row["range_deg"] is not None]
     assert {(row["status"], row["hand"]) for row in rows} == {("weak", "right"), ("weak", "left")}
-    still = {row["joint"] for row in rows if "keeps the metacarpal still" in row["message"]}
+    still = {row["joint"] for row in rows if "keeps the metacarpal fixed" in row["message"]}
     assert still == {f"{name}_mcp" for name in FINGERS} | {"ring_cmc", "little_cmc"}
     assert all("states no error" in row["message"] for row in rows)
     truth = recorded("left", TASK, seed=SEED, n_frames=N_FRAMES)[0].truth

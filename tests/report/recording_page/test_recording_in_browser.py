@@ -200,7 +200,7 @@ def test_without_scripts_the_page_says_what_to_do(browser: Browser, path: Path) 
     with watched(browser, java_script_enabled=False) as page:
         page.open(path)
         still_hand(page)
-        assert "where the browser runs scripts" in page.page.locator(".viewer-lacking").inner_text()
+        assert "needs a browser with JavaScript" in page.page.locator(".viewer-lacking").inner_text()
         assert not page.page.locator("form").first.is_visible()
         assert page.page.locator(".plots-still-note").is_visible()
         assert page.page.locator(ERRORS).is_hidden()

@@ -125,7 +125,7 @@ def seeking_moves_the_hand_the_slider_and_the_words(page: WatchedPage) -> None:
     assert page.page.locator("[data-part=where]").text_content() == "frame 201, 0.833 s"
     assert slider.get_attribute("aria-valuetext") == "frame 201, 0.833 s"
     slider.fill("100")
-    for name, index in (("+1, one frame on", 101), ("−1, one frame back", 100)):
+    for name, index in (("+1, one frame forward", 101), ("−1, one frame back", 100)):
         page.page.get_by_role("button", name=name).click()
         assert page.value(f"{VIEWER}.index") == index
 
@@ -203,4 +203,4 @@ def test_where_nothing_can_be_unpacked_the_still_picture_stands(browser: Browser
         assert page.page.locator(".viewer-still > svg").is_visible()
         assert not page.page.locator("form").is_visible()
         assert "whole-hand, frame" in page.page.locator(".viewer-still p").inner_text()
-        assert "where the browser runs scripts" not in page.page.locator(".viewer-lacking").inner_text()
+        assert "needs a browser with JavaScript" not in page.page.locator(".viewer-lacking").inner_text()
