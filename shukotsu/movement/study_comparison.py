@@ -462,7 +462,7 @@ def _reliability_row(
         "message": "",
     }
     if row["n"] < FEWEST_REPEATED or len(shared) < 2:
-        few = f"not computed: {row['n']} subjects in all {len(shared)}, {FEWEST_REPEATED} are needed"
+        few = f"not computed: {row['n']} in all {len(shared)}, but {FEWEST_REPEATED} subjects are needed"
         return row | {"message": few}
     result = reliability(values[in_all][:, is_shared])
     intervals = {

@@ -87,7 +87,7 @@ def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
     assert "replay" in replay.get_xlabel()
     assert names_of(replay) == list(FITTED_MODELS)[::-1]
     assert names_of(left_out) == ["whole-hand", "prior-only"]
-    assert "not where they are" in caption
+    assert "not where the joint is" in caption
 
 
 def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> None:
@@ -222,7 +222,7 @@ def test_curves_over_cycles_are_the_tables_with_their_spread(study: MadeStudy, r
 @pytest.mark.slow
 def test_a_recording_without_cycles_says_why(study: MadeStudy) -> None:
     left = find_recording(study.results, "S01", "left", "opposition")
-    with pytest.raises(NoDataError, match="No event begins a cycle in this recording"):
+    with pytest.raises(NoDataError, match="No event starts a cycle in this recording"):
         recording_cycles(study.results, left, "whole-hand")
     assert [each.name for each in of_recording(study.results, left)][-2:] == [
         "cycle-curves_whole-hand", "cycle-curves_whole-hand-b"
