@@ -132,13 +132,13 @@ def _losses(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
     moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
     if moving:
         sentences.append(
-            f"a skeleton of rotations alone: {count_of(len(moving), 'joint', 'move')} against the bone "
-            "before, with positions, in a joint of their own; --bones stiff keeps bones at their length"
+            f"rotations alone: {count_of(len(moving), 'joint', 'move')} relative to the parent bone and so "
+            "have positions, in an additional joint; --bones stiff keeps bone lengths constant"
         )
     late_s = largest_time_error_s(motion)
     if late_s > _NOTABLE_S:
         sentences.append(
-            f"device times, which are up to {late_s * 1000:.1f} ms off the even Frame Time; --fps resamples "
-            "over them"
+            f"device times, which differ by up to {late_s * 1000:.1f} ms from the constant Frame Time; --fps "
+            "resamples over device time"
         )
     return tuple(sentences)

@@ -71,19 +71,19 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     dropped = []
     if not room:
         dropped.append(
-            "ROTATION, the bones' and receivers' poses: it would begin beyond what its 16 bits can say; the "
-            "points hold the receivers' poses, and with fewer --frames there is room for all"
+            "ROTATION, the poses of bones and receivers: it would start beyond the 16-bit limit of C3D; the "
+            "points still contain the receivers' poses, and with fewer --frames there is room for all"
         )
     if not numbered:
-        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {first}")
+        dropped.append(f"frame numbers: frame 1 of the file is the tracker's frame {first}")
     if error_s > _NOTABLE_S:
         dropped.append(
-            f"device times, which are up to {error_s * 1000:.1f} ms off its even {rate_hz:.6g} Hz; --fps "
-            "resamples over them"
+            f"device times, which differ by up to {error_s * 1000:.1f} ms from the constant rate of "
+            f"{rate_hz:.6g} Hz; --fps resamples over device time"
         )
     descriptions = [
         f"joint {joint.name}"
-        + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
+        + (f", child of {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
         for joint in motion.joints
     ]
     descriptions += [what for _, what in described]
@@ -171,8 +171,8 @@ def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
     best = 0 if errors[0] <= _NOTABLE_S else int(np.argmin(errors))
     if errors[best] > 0.5 / rates[best]:
         raise InputError(
-            f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
-            "than half a frame, and C3D has only one rate; choose an even one with --fps"
+            f"{path}: frames are up to {errors[best] * 1000:.1f} ms off a constant {rates[best]:.6g} Hz, "
+            "more than half a frame, and C3D has only one rate; resample with --fps"
         )
     return row, rates[best], errors[best]
 
@@ -182,8 +182,8 @@ def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
         *_escape(facts_text(motion, "mm", "z", dropped)).splitlines(),
-        f"points: joints; of every receiver its origin and what is {ARM_MM:g} mm along its x, y and z",
-        "rotations: bones by the joint they start at, in the bone frame above; receivers",
+        f"points: joints; each receiver's origin and the points {ARM_MM:g} mm along its x, y and z axes",
+        "rotations: bones, named by the joint at which they start, in the bone frame above; receivers",
         f"first frame: the tracker's {motion.frame[0]}, device time {start}",
     ]
     return [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]

@@ -245,8 +245,8 @@ def _cut(motion: PosedRecording) -> PosedRecording:
     listed = ", ".join(away[:_MOST_LISTED]) + more
     out = motion.take(kept)
     return out.noting(
-        f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} stay, the longest stretch without a gap "
-        f"({len(out.frame)} of {len(whole)}); cut away: {listed or 'none'}"
+        f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} are kept, the longest stretch without a "
+        f"gap ({len(out.frame)} of {len(whole)}); removed: {listed or 'none'}"
     )
 
 
@@ -277,8 +277,8 @@ def _fill_gaps(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRec
     frames = int((~motion.whole).sum())
     longest = max(gap.length_s for gap in gaps)
     how = {
-        "hold": "by the pose before, held in the frame of the bone before",
-        "interpolate": "between the poses before and after, in the frame of the bone before",
+        "hold": "by holding the pose before it in the parent bone's frame",
+        "interpolate": "by interpolation in the parent bone's frame",
     }[policy]
     length = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
     return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(

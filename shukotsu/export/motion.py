@@ -50,7 +50,7 @@ BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 
 """Quaternion (4,) from a bone's WebXR frame to its frame in our tables: q_webxr = q_bone * BONE_TO_WEBXR."""
 
 BONE_FRAME = (
-    "-Z along the bone away from the wrist, +Y out of its back (of a thumb, the nail's side), +X = Y x Z "
+    "-Z along the bone away from the wrist, +Y out of its dorsal side (thumb: nail side), +X = Y x Z "
     "(WebXR Hand Input)"
 )
 
@@ -112,7 +112,7 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         why = reader.unmeasured(reader.layout.digits[digit].joints[0])
         notes.append(f"{digit} left out: {why or reason}")
     if beyond := [bones.names[index] for index in np.flatnonzero(beyond_receivers(bones))]:
-        notes.append(f"no receiver shows {', '.join(beyond)}")
+        notes.append(f"measured by no receiver: {', '.join(beyond)}")
     if len(bones.joints) < 2:
         reasons = "; ".join(notes) or "the layout has none"
         raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")
@@ -135,7 +135,7 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         whole = f"; it has {motion.frame[0]} to {motion.frame[-1]}" if len(motion.frame) else ""
         raise InputError(f"--frames: no frame of the recording is in {first}:{last}{whole}")
     motion = motion.take(inside)
-    return motion.noting(f"frames {motion.frame[0]} to {motion.frame[-1]} only, as asked")
+    return motion.noting(f"frames {motion.frame[0]} to {motion.frame[-1]} only, as requested")
 
 
 def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
@@ -147,7 +147,7 @@ def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
         poses = poses.take(slice(None, None, every or 1))
     else:
         poses = reader.poses(every)
-    some = f"one frame in {every}, as no more than {MOST_FRAMES} are exported; --frames has all of a part"
+    some = f"one frame in {every}, since at most {MOST_FRAMES} are exported; --frames exports all of a part"
     return poses, [some] if every > 1 else []
 
 
@@ -232,7 +232,7 @@ def with_unmeasured_at_rest(motion: PosedRecording) -> PosedRecording:
         turn[:, index] = multiply(turn[:, above], motion.rest[index])
     names = ", ".join(motion.names[index] for index in beyond)
     posed = replace(motion, position_mm=position, quaternion=turn)
-    return posed.noting(f"not measured, and so at rest in this file: {names}")
+    return posed.noting(f"not measured and therefore at rest in this file: {names}")
 
 
 def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRecording]:
@@ -301,7 +301,7 @@ def stiffen(motion: PosedRecording) -> PosedRecording:
     """
     position = rigid_positions(motion)
     moved_mm = np.linalg.norm(position - motion.position_mm, axis=-1)
-    note = "bones kept at their length"
+    note = "bone lengths kept constant"
     if np.isfinite(moved_mm).any():
         largest = np.nan_to_num(moved_mm, nan=-1.0).max(0)
         note += (
@@ -403,7 +403,7 @@ def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = (
     sentences on what the file lacks.
     """
     origin, name = motion.origin, motion.origin.recording
-    turned = f", turned so that {up} is up" if up else ""
+    turned = f", rotated so that {up} is up" if up else ""
     return {
         "program": f"{PROGRAM} {VERSION}",
         "subject": name.subject,

@@ -52,19 +52,20 @@ UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSeri
 
 README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
 
-Tracking systems "righthand" and "lefthand" are the receivers as recorded; with "skeleton" and a model's
-name, that person's joints, bones and joint angles, computed from them. Metres, degrees, unit quaternions to
-the transmitter's frame; n/a if there was no pose. Full names are under "{EXTRA_KEY}" in motion.json and in
-participants.tsv. In labels, Q starts an escape: Qs is a space, Qd a hyphen, Qu an underscore, Qp a point,
-QQ the letter Q, and Qx...x encloses another character's code point in hexadecimal.
+Tracking systems "righthand" and "lefthand" are the receivers as recorded; those with "skeleton" and
+the name of a model contain the joints, bones and joint angles computed from them. Units are metres and
+degrees; orientations are unit quaternions to the transmitter's frame; n/a marks a missing pose. Full names
+are under "{EXTRA_KEY}" in motion.json and in participants.tsv. In labels, Q starts an escape: Qs is a space,
+Qd a hyphen, Qu an underscore, Qp a point, QQ the letter Q, and Qx...x encloses another character's code
+point in hexadecimal.
 """
 _UNITS = {"_mm": {"Units": "mm"}}
-_NAME = {"name": {"Description": "The subject's name, of which participant_id is made."}}
+_NAME = {"name": {"Description": "The subject's name, from which participant_id is derived."}}
 _POSES = (
     "The transmitter's frame, right-handed. Orientations are unit quaternions that take coordinates of the"
 )
 _JOINT_ANGLES = (
-    "Angles of a bone against the bone before it by the joint coordinate system (Wu et al. 2005, J Biomech "
+    "Angles of a bone relative to its parent bone in the joint coordinate system (Wu et al. 2005, J Biomech "
     "38:981). Flexion, ulnar deviation and pronation are positive, in both hands. Zero is the straight digit."
 )
 
@@ -127,7 +128,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     _write_system(path.parent, motion, motion.origin.model, all_facts, _skeleton_channels)
     if np.isfinite(motion.rate_hz):
         return unseen
-    return (*unseen, f"a sampling frequency, which one frame does not have; {ALONE_HZ:g} Hz stands for it")
+    return (*unseen, f"a sampling frequency, which one frame does not have; {ALONE_HZ:g} Hz is stated")
 
 
 def _write_system(
@@ -147,7 +148,7 @@ def _write_system(
     first = channels(motion.take(slice(0, 1)))
     types = [channel.type for channel in first]
     points = list(motion.names if model else motion.receivers.segments)
-    what = f"Skeleton by the model {model}" if model else "Receivers"
+    what = f"Skeleton from the model {model}" if model else "Receivers"
     stem = recording_path(name, model)
     motion_json = {
         "TaskName": name.task,
@@ -170,11 +171,14 @@ def _write_system(
     rows = [channel.row(rate) for channel in first]
     turned = f"bone to this frame. A bone's own frame: {BONE_FRAME}" if model else "receiver to this frame"
     level = {"SpatialAxes": "n/a", "RotationRule": "n/a", "RotationOrder": "n/a"}
-    posed = {"RotationRule": "right-hand", "Description": f"{_POSES} {turned}. How it lies is not recorded."}
+    posed = {
+        "RotationRule": "right-hand",
+        "Description": f"{_POSES} {turned}. Its orientation in the room is not recorded.",
+    }
     levels = {"transmitter": level | posed}
     if "JNTANG" in types:
         levels["parent_bone"] = level | {"Description": _JOINT_ANGLES}
-    frames = {"Description": "The frame that positions and orientations are given in.", "Levels": levels}
+    frames = {"Description": "Reference frame of positions and orientations.", "Levels": levels}
     write_text(folder / f"{stem}_channels.tsv", tsv_text([list(rows[0]), *(row.values() for row in rows)]))
     write_text(folder / f"{stem}_channels.json", json_text({"reference_frame": frames}))
     write_text(folder / f"{stem}_motion.json", json_text(motion_json))
@@ -224,14 +228,14 @@ def _receiver_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
 def _skeleton_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
     """Yield the channels of joints' positions, bones' rotations, and angles of joints of known anatomy."""
     for index, joint in enumerate(motion.joints):
-        ends = {SKIN_TIP: "end of the digit, skin and all", RECEIVER_TIP: "distal receiver's origin"}
+        ends = {SKIN_TIP: "end of the digit, including the skin", RECEIVER_TIP: "distal receiver's origin"}
         end = next((kind for name, kind in ends.items() if joint.name.endswith(name)), "end of the last bone")
         yield from _numbers(joint.name, "POS", end if joint.tip else "joint", motion.position_mm[:, index])
         if not joint.tip:
             yield from _numbers(joint.name, "ORNT", "bone", motion.quaternion[:, index])
     names, angles_deg = bone_angles_deg(motion)
     for index, joint_name in enumerate(names):
-        signed = "joint, signed as reference_frame says"
+        signed = "joint, with the signs stated in reference_frame"
         yield from _numbers(joint_name, "JNTANG", signed, angles_deg[:, index])
 
 
@@ -285,7 +289,7 @@ def write_dataset_files(
         [f"sub-{label(subject)}", subject, *(values.get(column) for column in more)]
         for subject, values in participants.items()
     ]
-    sheet = "as the study's sheet has it."
+    sheet = "as in the study's participants sheet."
     described = _NAME | {n: {"Description": f"{n} {sheet}"} | _UNITS.get(n[-3:], {}) for n in more}
     write_text(folder / "README", README)
     write_text(folder / PARTICIPANTS, tsv_text([["participant_id", "name", *more], *sorted(rows)]))

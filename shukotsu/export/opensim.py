@@ -92,7 +92,7 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
         position, turn = receivers.position_mm[:, number], receivers.quaternion[:, number]
         seen = np.isfinite(position).all(-1) & np.isfinite(turn).all(-1)
         if segment not in carriers or not seen.any():
-            why = "is on no bone of the skeleton" if segment not in carriers else "is valid in no frame"
+            why = "is on no bone of the skeleton" if segment not in carriers else "has no valid pose"
             lost.append(f"receiver {segment}, which {why}")
             continue
         form = carriers[segment]
@@ -445,22 +445,21 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
         most = {f.name: _largest(np.stack([shift.values for shift in f.shifts], -1)) for f in shifted}
         worst = max(most, key=lambda name: most[name])
         remarks.append(
-            f"{count_of(len(shifted), 'joint', 'move')} against the bone before, with coordinates _tx, "
-            f"_ty, _tz, up to "
-            f"{most[worst]:.3f} mm ({worst}); _ik.osim locks them at zero; --bones stiff gives a model "
-            "without"
+            f"{count_of(len(shifted), 'joint', 'move')} by up to {most[worst]:.3f} mm ({worst}) relative to "
+            "the parent bone, in coordinates _tx, _ty, _tz, which _ik.osim locks at zero; --bones stiff "
+            "gives a model without them"
         )
     locked = [turn.name for form in forms for turn in form.turns if turn.name in held]
     if locked:
         remarks.append(
-            f"_ik.osim locks at their means {', '.join(locked)}: the bones have no receiver, and markers do "
-            "not tell these turns from the next joint's"
+            f"_ik.osim locks {', '.join(locked)} at their means: the bones have no receiver, and markers "
+            "do not distinguish these rotations from those of the next joint"
         )
     for first, second, third in (form.turns for form in forms if len(form.turns) == 3):
         if np.abs(np.cos(second.values)).min() < np.cos(np.radians(_STEEP_DEG)):
             remarks.append(
                 f"{second.name} comes within 5 degrees of a right angle, where {first.name} and {third.name} "
-                "turn about nearly the same axis"
+                "rotate about nearly the same axis"
             )
     return remarks
 
@@ -477,17 +476,17 @@ def _of_points(motion: PosedRecording, receivers: Sequence[Triad]) -> list[str]:
     if tips and _largest(beyond) > _NOTABLE_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         remarks.append(
-            f"tips are markers fixed to their bones; the recording has them up to {_largest(beyond):.3f} mm "
-            f"from there, rms {rms:.3f} mm"
+            f"tips are markers fixed to their bones; in the recording they are up to {_largest(beyond):.3f} "
+            f"mm away from there, rms {rms:.3f} mm"
         )
     blind = int((~seen_frames(motion, receivers)).sum())
     if blind:
-        remarks.append(f"frames in which no receiver is valid, {blind}, are not in the .trc")
+        remarks.append(f"the .trc omits {count_of(blind, 'frame')} in which no receiver is valid")
     worst = max(receivers, key=lambda triad: triad.spread_mm, default=None)
     if worst is not None:
         remarks.append(
-            f"receivers stay within {worst.spread_mm:.2f} mm rms of where their bones carry them (the worst: "
-            f"{worst.segment})"
+            f"receivers deviate by up to {worst.spread_mm:.2f} mm rms from fixed positions on their bones "
+            f"(largest: {worst.segment})"
         )
     return remarks
 

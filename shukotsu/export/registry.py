@@ -63,7 +63,7 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
     add("--licence", default="", help="the terms of use to state in every file")
     add("--fps", type=_positive, help="frames per second to resample to (default: as recorded)")
     add("--frames", type=_frames, default=(None, None), metavar="A:B", help="recorded frame numbers")
-    up = "axis of the transmitter that is up, such as =-z"
+    up = "upward axis of the transmitter, such as =-z"
     add("--transmitter-up", choices=DIRECTIONS, default="z", metavar="AXIS", help=up)
     add(
         "--gaps",
@@ -72,9 +72,9 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
         metavar="HOW",
         help="for frames without a pose: refuse, hold, cut, interpolate",
     )
-    add("--max-gap-s", type=_positive, default=0.1, metavar="S", help="longest to interpolate (0.1)")
-    add("--rig", default="", help="names of webxr, vrm, unity, unreal or mixamo")
-    stiff = "stiff: bones keep their length"
+    add("--max-gap-s", type=_positive, default=0.1, metavar="S", help="longest gap to interpolate (0.1)")
+    add("--rig", default="", help="joint names of webxr, vrm, unity, unreal or mixamo")
+    stiff = "stiff: keep bone lengths constant"
     add("--bones", choices=("exact", "stiff"), default="exact", metavar="HOW", help=stiff)
 
 
@@ -212,7 +212,7 @@ def chosen_formats(names_list: str) -> list[str]:
     """Return the formats in a comma-separated list. Raises InputError if one is unknown or repeated."""
     names = [name.strip() for name in names_list.split(",") if name.strip()]
     if twice := [name for name in FORMATS if names.count(name) > 1]:
-        raise InputError(f"--formats: {twice[0]} is there twice; name each format once")
+        raise InputError(f"--formats: {twice[0]} is listed twice; list each format once")
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
         raise InputError(

@@ -30,7 +30,7 @@ class Rig:
     root, thumb (4), finger (5) : names of the root and of the joints from a digit's base to its tip; empty if
     the rig lacks the joint. Placeholders are {side}, right or left; {s}, its first letter; {digit}, a
     finger's name; {pinky}, the same with pinky for little; and {Side}, {Digit}, {Pinky}, which are
-    capitalised. Finger metacarpals that the rig lacks are folded into the bones after them (`fold_joints`).
+    capitalised. Finger metacarpals that the rig lacks are merged into the bones after them (`fold_joints`).
     skin_tips : whether the rig's tips are on the skin; else they are the ends of the last bones.
     """
 
@@ -88,10 +88,10 @@ def on_rig(motion: PosedRecording, name: str) -> PosedRecording:
     joints = tuple(replace(j, name=new[j.name]) for j in motion.joints)
     at = "at the ends of the last bones"
     if any(tip.endswith(RECEIVER_TIP) for tip in tips.values()):
-        at = "the origins of the distal receivers, as this skeleton knows no other"
+        at = "at the origins of the distal receivers, since this skeleton has no other tips"
     elif any(tip.endswith(SKIN_TIP) for tip in tips.values()):
-        at = "at the ends of the digits, skin and all, as the names' definition has them"
-    return replace(motion, joints=joints).noting(f"tips are {at}", f"joints named as by {rig.description}")
+        at = "at the ends of the digits including the skin, as these names are defined"
+    return replace(motion, joints=joints).noting(f"tips are {at}", f"joints named as in {rig.description}")
 
 
 def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
@@ -133,7 +133,7 @@ def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecord
         axis=np.where(orphans[:, None], np.nan, motion.axis[kept]),
         position_mm=motion.position_mm[:, kept],
         quaternion=motion.quaternion[:, kept],
-    ).noting(f"{names} folded into the bones after them")
+    ).noting(f"{names} merged into the bones after them")
 
 
 def _hung(motion: PosedRecording, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:

@@ -24,15 +24,15 @@ from shukotsu.tables.whole_files import replacing, write_text
 
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
 _MEANING = {
-    "frame": "the tracker's own frame number; where resampled, of the recorded frame nearest in time",
-    "time_s": "device time in s; empty where the recording has none",
-    "joint": "the joint, whose bone starts there; <digit>_tip is the end of the last bone, <digit>_skin_tip "
-    "that of the digit, skin and all, <digit>_receiver_tip the distal receiver's origin, taken for the tip",
+    "frame": "frame number of the tracker; if resampled, of the recorded frame nearest in time",
+    "time_s": "device time in s; empty if the recording has none",
+    "joint": "the joint at which the bone starts; <digit>_tip is the end of the last bone, <digit>_skin_tip "
+    "that of the digit including the skin, <digit>_receiver_tip the distal receiver's origin, used as tip",
     **{f"{axis}_mm": f"position of the joint in the transmitter frame, {axis}, mm" for axis in "xyz"},
     **{f"q{part}": f"unit quaternion, bone frame to transmitter frame, {part}" for part in "wxyz"},
     "flexion_deg": "flexion positive, extension negative (docs/movement.md), deg",
-    "abduction_deg": "abduction or deviation, signed as docs/movement.md says, deg",
-    "rotation_deg": "axial rotation, signed as docs/movement.md says, deg",
+    "abduction_deg": "abduction or deviation, with the signs of docs/movement.md, deg",
+    "rotation_deg": "axial rotation, with the signs of docs/movement.md, deg",
 }
 
 

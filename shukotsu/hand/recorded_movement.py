@@ -150,12 +150,12 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
         status, reasons = "failed" if status == "failed" else "weak", [*reasons, moved]
     if not reader.is_fitted:
         reasons.append(
-            "the model states no errors of its angles, which include how receivers sit on their bones"
+            "the model states no errors of its angles, which include the mounting of the receivers"
         )
         still = reader.model.metacarpals.unmeasured in ("rest", "rigid")
         if still and not reader.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
             reasons.append(
-                "the model keeps the metacarpal still in the hand, so the MCP joint's angles include the CMC "
+                "the model keeps the metacarpal fixed in the hand, so the MCP joint's angles include the CMC "
                 "joint's motion"
             )
     return status, join_reasons(reasons)

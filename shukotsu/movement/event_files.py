@@ -93,8 +93,8 @@ def read_midi(path: Path) -> Events:
             raise InputError(f"{path}: cannot be read as {EXPECTED}: {why}; save or copy it again") from error
     if file.type not in (0, 1) or file.ticks_per_beat <= 0:
         raise InputError(
-            f"{path}: is a MIDI file of format {file.type} with {file.ticks_per_beat} ticks a quarter note; "
-            "expected format 0 or 1 and ticks of a quarter note, not time code: save it so"
+            f"{path}: is a MIDI file of format {file.type} with {file.ticks_per_beat} ticks per quarter "
+            "note; expected format 0 or 1 and ticks per quarter note, not time code"
         )
     notes: list[list[float]] = []
     sounding: dict[tuple[int, int], deque[int]] = defaultdict(deque)
@@ -111,7 +111,7 @@ def read_midi(path: Path) -> Events:
         else:
             n_others += not message.is_meta
     n_open = sum(map(len, sounding.values()))
-    remarks = [f"{count_of(n_open, 'note', 'have')} no note off"] if n_open else []
+    remarks = [f"{count_of(n_open, 'note', 'have')} no note-off message"] if n_open else []
     if n_others:
         remarks.append(f"{n_others} messages other than notes are left out")
     return Events.of("midi", True, [(f"note {key}", *row) for key, *row in notes], *remarks)
@@ -144,7 +144,7 @@ def read_markers(path: Path) -> Events:
             continue
         notes += [note for note in samples.notes if note not in notes]
         if not len(samples.offsets):
-            notes.append(f"stream {stream.name} has no clock offsets: its clock is taken for the recorder's")
+            notes.append(f"stream {stream.name} has no clock offsets; the recorder's clock is assumed")
         sd_s = _scatter_s(samples.offsets)
         for time, sample in zip(samples.time_s.tolist(), samples.values, strict=True):
             name, value = stream.name, np.nan

@@ -75,7 +75,7 @@ def cut_cycles(
         if np.isinf(off):
             refusal = "the clock of its events is weak"
         elif off > MOST_ONSET_SD * length:
-            refusal = f"its onset is known to {1e3 * off:.0f} ms (1-sigma), too little for {length:.2f} s"
+            refusal = f"the 1-sigma error of its onset, {1e3 * off:.0f} ms, is too large for {length:.2f} s"
         elif not SHORTEST * usual <= length <= LONGEST * usual:
             word = "short" if length < usual else "long"
             refusal = f"too {word}: {length:.2f} s, median {usual:.2f} s"
@@ -87,7 +87,7 @@ def within_recording(cycles: Sequence[Cycle], time_s: Array) -> list[Cycle]:
     """Return the cycles, with a refusal for those not entirely within the recording's times (T,), s."""
     first, last = time_s[0], time_s[-1]
     return [
-        replace(cycle, refusal="not wholly within the recording")
+        replace(cycle, refusal="not entirely within the recording")
         if not cycle.refusal and not first <= cycle.onset_s <= cycle.onset_s + cycle.duration_s <= last
         else cycle
         for cycle in cycles
@@ -133,7 +133,7 @@ def events_of(
 
     clock_rows = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
     weak = {
-        place(row): row["message"] or "its clock is weak" for row in clock_rows if row["status"] == "weak"
+        place(row): row["message"] or "its status is weak" for row in clock_rows if row["status"] == "weak"
     }
     by_recording: dict[tuple[str, str], list[TimedEvent]] = {}
     for row in [] if events is None else rows_of(read_table(events, EVENTS)):
@@ -180,8 +180,8 @@ def struck_events(
         if row["name"] in pulses or not (digit or _PITCH.search(row["name"])):
             continue
         sd_ms = row["onset_sd_ms"]
-        refusal = f"its clock is not sure: {doubt}" if doubt else ""
+        refusal = f"its clock is uncertain: {doubt}" if doubt else ""
         if not refusal and sd_ms is not None and sd_ms > MOST_ONSET_SD_MS:
-            refusal = f"its onset is known to {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f}"
+            refusal = f"1-sigma error of its onset: {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f} ms"
         struck.append(StruckEvent(row, digit, refusal))
     return sorted(struck, key=lambda event: float(event.row["onset_s"]))

@@ -131,7 +131,7 @@ LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0
 """Valid frames, % of a recording: with fewer than the first a number is weak; with fewer than the second its
 message states the percentage."""
 
-NO_TIMES = "the recording has no times, so there are no speeds"
+NO_TIMES = "the recording has no times, so speeds cannot be computed"
 
 
 def range_rows(angles: Sequence[AngleSeries], grid: Grid | None) -> Iterator[RangesOfMotionRow]:

@@ -117,7 +117,7 @@ class RecordingEvents:
         """Return the events' times on the recording's clock with 1-sigma errors, s, and the row of clocks."""
         if not self.pulses:
             raise InputError(
-                f"{self.file}: has its own clock; state which of its events the recording has as well "
+                f"{self.file}: has its own clock; state which of its events are also in the recording "
                 f"(pulses, e.g. {events.names[0] if events.names else 'note 24'!r}), or {SAME_CLOCK!r}"
             )
         name, _, other = (part.strip() for part in self.pulses.partition("="))
@@ -154,8 +154,8 @@ class RecordingEvents:
             if not ((time_s >= first_s) & (time_s <= last_s)).any() and np.isfinite([first_s, last_s]).all():
                 clock["status"] = "weak"
                 clock["message"] = (
-                    f"no event lies within the recording ({first_s:.1f} to {last_s:.1f} s), but from "
-                    f"{time_s.min():.1f} to {time_s.max():.1f} s; is it of this recording?"
+                    f"no event is within the recording ({first_s:.1f} to {last_s:.1f} s): they are at "
+                    f"{time_s.min():.1f} to {time_s.max():.1f} s; do they belong to this recording?"
                 )
         return {**clock, "message": "; ".join(filter(None, (clock["message"], *events.notes)))}
 
@@ -165,8 +165,8 @@ class RecordingEvents:
             return sheet.time_s[sheet.named(other or name)]
         if self.recording is None or not self.recording.name.endswith(_TRACKER_ENDING):
             raise InputError(
-                f"{self.file}: pulses {name!r}: the recording has no events named {other or name!r} to bring "
-                "them to; give them in the sheet of events, or a raw capture with the tracker's sync input"
+                f"{self.file}: pulses {name!r}: the recording has no events named {other or name!r} to align "
+                "them with; list these in the events sheet, or give a raw capture with the sync input"
             )
         tracker = read_events(self.recording)
         wanted = other or "sync"
@@ -279,7 +279,7 @@ ran, that must match, or else a clock was set; share of the hits that a match sh
 for the shift to remain possible."""
 
 LOST_RUN = 16
-WAS_SET = "its pulses keep to no one line: a clock was set or a recorder paused; bring each part by itself"
+WAS_SET = "its pulses fit no single line: a clock was set or a recorder paused; align each part separately"
 
 
 @dataclass(frozen=True)
@@ -372,7 +372,7 @@ def fit_clock(r: Array, o: Array) -> ClockFit | str:
 
     """
     if not len(r) or not len(o):
-        return "no common pulse on " + ("the file" if len(r) else "the recording's clock")
+        return "no pulse " + ("in the file" if len(r) else "on the recording's clock")
     if (np.diff(o) < -10 * USUAL_JITTER_S).any():
         return WAS_SET
     o = np.sort(o)
@@ -380,7 +380,7 @@ def fit_clock(r: Array, o: Array) -> ClockFit | str:
     within_s = max(SHORTEST_TOLERANCE_S, min([TOLERANCE_S, *(interval / 4 for interval in intervals_s)]))
     i, j, chance = _best_window(r, o, within_s)
     if chance >= 1:
-        counts = f"the {len(o)} pulses of the file fit the {len(r)} of the recording nowhere"
+        counts = f"the {len(o)} pulses of the file match the {len(r)} of the recording at no offset"
         return f"{counts}; are they the same pulses?"
     i, j = _follow(r, o, i, j, within_s)
     sd_s = USUAL_JITTER_S
@@ -479,16 +479,16 @@ def _doubt(n: int, n_lost: int, open_s: float, by_chance: float) -> str:
     """Return why a line is weak, or an empty string."""
     if n < FEWEST_PULSES:
         return (
-            f"{n} common pulse{'s'[: n - 1]}: the rates of the clocks are taken to differ by less than "
-            f"{2e6 * RATE_SD:.0f} ppm, which is {2 * RATE_SD * 60e3:.0f} ms in a minute"
+            f"only {n} common pulse{'s'[: n - 1]}: the clocks' rates are assumed to differ by less than "
+            f"{2e6 * RATE_SD:.0f} ppm, or {2 * RATE_SD * 60e3:.0f} ms per minute"
         )
     if open_s > 0:
         return (
-            "pulses at regular intervals can be laid over each other in several ways, whole periods apart "
-            f"({open_s:.2f} s); pulse at irregular intervals"
+            "pulses at regular intervals match at several offsets, whole periods apart "
+            f"({open_s:.2f} s); send pulses at irregular intervals"
         )
     if by_chance > CHANCE:
-        return f"{n} pulses may fit so by chance; give more of them"
+        return f"{n} pulses may match like this by chance; record more of them"
     if n < n_lost:
         return "fewer than half of the pulses are common to both clocks; are they the same pulses?"
     return ""

@@ -90,7 +90,7 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
     """Yield a row of event_strokes for each event."""
     digits = list(movement.fingertips)
     timed = np.flatnonzero(np.isfinite(movement.time_s))
-    missing = "no frame of the recording is there"
+    missing = "the recording has no frames at this time"
     windows: list[_Window | None] = [None] * len(events)
     if not digits or len(timed) < 2:
         missing = "the recording has no times" if digits else "this model has no fingertips"
@@ -176,21 +176,21 @@ def _stroke(
     best, most = fall.argmax(0), fall.max(0)
     digit = digits.index(event.digit) if event.digit in digits else int(most.argmax())
     if event.digit and (event.digit != digits[digit] or not np.isfinite(most[digit])):
-        return {"message": f"the tip of the {event.digit} is not known here"}
+        return {"message": f"the tip of the {event.digit} is not known at this time"}
     if not event.digit and not most[digit] >= LEAST_FALL_MM_S:
-        return {"message": "no digit of this hand went down: another hand's, or no stroke"}
+        return {"message": "no digit of this hand moved down: a stroke of the other hand, or none"}
     row: EventStrokesRow = {"digit": digits[digit]}
     measured = _measure_stroke(window, digit, float(time_s[best[digit]]), down)
     if measured is None:
-        return row | {"message": "the fingertip has no way down here: it did not move, or poses are missing"}
+        return row | {"message": "no downward path of the fingertip: it did not move, or poses are missing"}
     others = np.delete(most, digit)
     message = ""
     if not event.digit and (others > ALIKE * most[digit]).any():
         second = [name for name in digits if name != digits[digit]][int(others.argmax())]
-        message = f"the tips of {digits[digit]} and {second} went down alike; name the digit in the event"
+        message = f"the tips of {digits[digit]} and {second} moved down alike; name the digit in the event"
     elif measured["key_down_sd_ms"] > 1e3 * MOST_CONTACT_SD_S:
         sd_ms = measured["key_down_sd_ms"]
-        message = f"the fingertip shows no sharp contact: its time is known to {sd_ms:.0f} ms"
+        message = f"the fingertip shows no sharp contact: 1-sigma error of its time: {sd_ms:.0f} ms"
     return row | measured | {"used": not message, "status": "weak" if message else "ok", "message": message}
 
 

@@ -450,7 +450,7 @@ def _reliability_row(
     shared = [level for level, counts in zip(levels, is_shared, strict=True) if counts]
     in_all = seen[:, is_shared].all(1)
     dropped = [subject for subject, complete in zip(subjects, in_all, strict=True) if not complete]
-    reasons = {subject: f"not in every one of {list_names(shared)}" for subject in dropped} | dict(absent)
+    reasons = {subject: f"not in all of {list_names(shared)}" for subject in dropped} | dict(absent)
     by_reason: dict[str, list[str]] = {}
     for subject, reason in reasons.items():
         by_reason.setdefault(reason, []).append(subject)
@@ -462,7 +462,7 @@ def _reliability_row(
         "message": "",
     }
     if row["n"] < FEWEST_REPEATED or len(shared) < 2:
-        few = f"not stated: {row['n']} in all {len(shared)}, it takes {FEWEST_REPEATED} subjects"
+        few = f"not computed: {row['n']} in all {len(shared)}, but {FEWEST_REPEATED} subjects are needed"
         return row | {"message": few}
     result = reliability(values[in_all][:, is_shared])
     intervals = {

@@ -62,19 +62,19 @@ _DOUBT_TEXTS: Mapping[str, str] = {
         "its error exceeds {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
     ),
     verdict.BY_ANATOMY: N_("its position comes from anatomy rather than from the recording"),
-    verdict.MOVED_LITTLE: N_("moved only {range_deg:.0f} deg; skin alone can look like that"),
+    verdict.MOVED_LITTLE: N_("moved only {range_deg:.0f} deg; skin motion alone can cause this"),
     verdict.NO_POSE: N_("no valid pose of {segments}: estimated from anatomy and the other receivers"),
     verdict.ONE_RECEIVER: N_("no receiver on {segments}: estimated from bone lengths"),
     verdict.UNSETTLED: N_("the fit of the hand did not converge"),
     verdict.ACROSS: N_(
-        "seen from {receiver} across {segment}, which moves and carries no receiver, so its displacement "
-        "does not show in the data"
+        "estimated from the receiver on {receiver} across {segment}, which moves but has no receiver; the "
+        "data do not show the error that this causes"
     ),
     verdict.AXIS_IN_PLANE: N_(
         "its axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "
-        "{slide_mm:.0f} mm along it"
+        "{slide_mm:.0f} mm along the axis"
     ),
-    verdict.BY_HAND: N_("moved {correction_mm:.1f} mm by hand; the stated error is of the position before"),
+    verdict.BY_HAND: N_("moved {correction_mm:.1f} mm by hand; the stated error does not include this move"),
     verdict.FROM_DOUBTFUL: N_("derived from joints that are not believed: {joints}"),
     verdict.NO_ERROR: N_("no error is stated for its position"),
     verdict.AXIS: N_("its axis is uncertain by {axis_sd_deg:.0f} deg"),
@@ -190,9 +190,9 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
     mended = {row["joint"]: row for row in reversed(gains) if row["joint_sd_after_mm"] <= wanted_mm}
     lines = [
         tr(
-            "{joints}: known to {wanted_mm:g} to {most_mm:g} mm (1 sigma, 3-D). That is sufficient for "
-            "angles, ranges of motion and comparisons of groups, but not for moment arms, which are some "
-            "10 mm at a finger.",
+            "{joints}: the error is {wanted_mm:g} to {most_mm:g} mm (1 sigma, 3-D). This is sufficient for "
+            "angles, ranges of motion and comparisons of groups, but not for moment arms, which are only "
+            "about 10 mm at a finger joint.",
             joints=listed(near),
             wanted_mm=wanted_mm,
             most_mm=NEAR_TIMES * wanted_mm,
@@ -202,8 +202,8 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
     if others := [joint for joint in near if joint not in mended]:
         lines.append(
             tr(
-                "To improve {joints}, record a further calibration in which they bend slowly over their "
-                "whole range with the palm at rest, or take two measurements.",
+                "To improve {joints}, record another calibration in which they bend slowly over their full "
+                "range with the palm at rest, or combine two measurements of the hand.",
                 joints=listed(others),
             )
         )
@@ -213,10 +213,10 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
 MOST_GAINS = 3
 
 _PARTS = {
-    "along": N_("measuring how far along the {bone} its receiver sits"),
-    "lateral": N_("measuring how far to the side of the {bone} its receiver sits"),
-    "height": N_("measuring how high over the {bone} its receiver sits"),
-    "distal": N_("measuring how far from the next joint the receiver of the {bone} sits"),
+    "along": N_("measuring the position of the receiver along the {bone}"),
+    "lateral": N_("measuring the sideways offset of the receiver from the {bone}"),
+    "height": N_("measuring the height of the receiver above the {bone}"),
+    "distal": N_("measuring the distance from the receiver on the {bone} to the next joint"),
     "touch": N_("touching a known point with the {bone} fingertip"),
     "": N_("measuring the {bone} with a calliper"),
 }
@@ -232,8 +232,9 @@ def gain_lines(rows: Sequence[GainsRow]) -> list[str]:
         if bone.endswith(("proximal", "middle", "distal")) and part != "touch":
             bone += " phalanx"
         text = tr(
-            "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
-            "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
+            "{action} to within {sd_mm:.1f} mm would reduce the error of {joint} from "
+            "{joint_sd_before_mm:.1f} to {joint_sd_after_mm:.1f} mm (mean of all joints: {before} to {after} "
+            "mm).",
             **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
             action=capital(tr(_PARTS[part], bone=bone)),
             before=number(row["mean_sd_before_mm"]),

@@ -75,23 +75,23 @@ def model_to_take(results: StudyResults) -> str:
     """Return a sentence that recommends a model and states why."""
     leading = results.leading
     if results.hands and results.suspect >= {*results.hands}:
-        return tr("Resolve the findings first: every hand has one, so no model can be judged.")
+        return tr("Resolve the findings first: every hand has at least one, so no model can be evaluated.")
     verdicts = [row["verdict"] for row in results.judging.rows.joint_centres if row["model"] == leading]
     if verdicts and verdict.BELIEVE not in verdicts:
         return tr(
-            "No joint can be believed, so no model is recommended: put right what is named below and in the "
-            "report, or record again as the protocol says (docs/protocol.md)."
+            "No joint can be believed, so no model is recommended: correct the problems listed below and in "
+            "the report, or record again following the protocol (docs/protocol.md)."
         )
     judged = next((each for each in judged_models(results) if each.judges), None)
     if judged is None or leading not in judged.values:
         if results.fitted:
             return tr(
-                "Take {model}, which fits the whole hand; no recording was held out that could judge it.",
+                "Use the model {model}, which fits the whole hand; no recording was held out to test it.",
                 model=leading,
             )
         return tr(
-            "No model can be chosen here: nothing but a fit of the whole hand or a known truth judges a "
-            "skeleton; add whole-hand to the study's models."
+            "No model can be recommended: skeletons can only be evaluated by a fit of the whole hand or "
+            "against a known truth; add whole-hand to the study's models."
         )
     row = _deciding_difference(results, judged)
     if row is None:
@@ -109,9 +109,9 @@ def model_to_take(results: StudyResults) -> str:
     if row["smallest_p_holm"] > LEVEL:
         test = tr("{subjects}, too few to test the difference", subjects=test)
     elif row["p_holm"] > LEVEL:
-        test = tr("{subjects}; no difference is shown, {p}", subjects=test, p=p_text(row["p_holm"]))
+        test = tr("{subjects}; no significant difference, {p}", subjects=test, p=p_text(row["p_holm"]))
     else:
-        test = tr("{subjects}; {p}, corrected by Holm", subjects=test, p=p_text(row["p_holm"]))
+        test = tr("{subjects}; {p} after Holm's correction", subjects=test, p=p_text(row["p_holm"]))
     return tr("{claim} ({test}).", claim=sentence, test=test)
 
 
@@ -136,12 +136,12 @@ def taken_model(results: StudyResults) -> str:
 
 
 _CLAIMS = {
-    TRUTH: N_("Take the model {model}: its joints are {mean} mm from the true ones on average"),
+    TRUTH: N_("Use the model {model}: its joints are {mean} mm from the true ones on average"),
     "true_tip_mean_mm": N_(
-        "Take the model {model}: its fingertips are {mean} mm from the true ones on average"
+        "Use the model {model}: its fingertips are {mean} mm from the true ones on average"
     ),
     LEFT_OUT: N_(
-        "Take the model {model}: it is {mean} mm off on average at fingertip receivers that it has not seen"
+        "Use the model {model}: its mean error at fingertip receivers left out of the fit is {mean} mm"
     ),
 }
 
@@ -169,9 +169,7 @@ def used_text(results: StudyResults) -> str:
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
     text = tr("{n} of {total} used", n=len(used) - in_doubt, total=total)
     text += f" ({listed(others)})" if others else ""
-    return text + (
-        tr("; simulated, so no person's hand is behind these numbers") if results.simulated else ""
-    )
+    return text + (tr("; all data are simulated, and no person was measured") if results.simulated else "")
 
 
 def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]:
@@ -182,13 +180,13 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     hands = hands_counted(results, len({hand_of(row) for row in every}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
     total = ngettext("{n} joint", "{n} joints", len(rows))
-    of_joints = tr("can be believed: no hand without a finding has a joint under {model}", model=model)
+    of_joints = tr("can be believed: {model} solved no joint of a hand without findings", model=model)
     if every:
         of_joints = tr(
-            "can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands
+            "can be believed under the model {model} (all joints of {hands})", model=model, hands=hands
         )
     if unworn := len(every) - len(rows):
-        of_joints += tr("; for {n} more no receiver was worn", n=unworn)
+        of_joints += tr("; joints without a receiver, not counted: {n}", n=unworn)
     suspects = len({hand_of(row) for row in results.findings})
     several = 1 if 1 in (suspects, len(results.hands)) else 2  # 1 of 4 hands has, 0 of 1 hand has
     mistaken = ngettext("has recordings with a mistake", "have recordings with a mistake", several)
@@ -207,11 +205,11 @@ def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow
     """Return the median stated error of the joints, or a dash if none is derived from recordings."""
     stated = [row for row in rows if row["sd_mm"] is not None]
     if not rows:
-        return BigNumber(DASH, "", tr("there is no typical error, since no joint is counted"))
+        return BigNumber(DASH, "", tr("no typical error can be stated, because no joint is counted"))
     if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):
-        return BigNumber(DASH, "", tr("none of {total} has an error from the recordings", total=total))
+        return BigNumber(DASH, "", tr("the recordings determine the error of none of {total}", total=total))
     typical = tr(
-        "is how far off the model expects a joint to be: the median of {n} of {total}, 1 sigma in 3-D",
+        "is the typical stated error of a joint centre: the median over {n} of {total}, 1 sigma in 3-D",
         n=len(stated),
         total=total,
     )
@@ -220,7 +218,7 @@ def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow
             values = list(judged.values[model].values())
             truth = format_value(TRUTH, sum(values) / len(values))
             typical += tr(
-                "; the hands are simulated, so the truth is known: {truth} mm on average", truth=truth
+                "; the true error, known from the simulation, is {truth} mm on average", truth=truth
             )
     return BigNumber(format_value("sd_mm", median(row["sd_mm"] for row in stated)), "mm", typical)
 

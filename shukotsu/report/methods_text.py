@@ -41,8 +41,8 @@ def methods_text(results: StudyResults, movement: StudyMovement | None = None) -
         _describe_models(results),
         _describe_comparison(results),
         *moved,
-        f"All computations were made with Shukotsu {VERSION}; configuration, versions and the SHA-256 of "
-        "every input file are recorded in the study's tables.",
+        f"All computations were made with Shukotsu {VERSION}; the configuration, software versions and the "
+        "SHA-256 of every input file are recorded in the study's tables.",
     ]
 
 
@@ -59,9 +59,9 @@ def _describe_recordings(results: StudyResults) -> str:
     tasks = sorted(Counter(row["task"] for row in used).items())
     text = (
         f"{_count(len(results.hands), 'hand')} of {_count(len(results.subjects), 'subject')}, "
-        + ("each counted in each session, " if results.has_sessions else "")
+        + ("each counted once per session, " if results.has_sessions else "")
         + ("simulated" if results.simulated else "recorded")
-        + f" with {'–'.join(map(str, worn[:1] + worn[1:][-1:])) or 'no'} receivers a hand"
+        + f" with {'–'.join(map(str, worn[:1] + worn[1:][-1:])) or 'no'} receivers per hand"
         + (f" at {median(rates):.0f} Hz" if rates else "")
         + f", gave {_count(len(used), 'recording')}"
         + (f" ({', '.join(f'{task}: {n}' for task, n in tasks)})" if tasks else "")
@@ -73,12 +73,12 @@ def _describe_recordings(results: StudyResults) -> str:
         hands = ", ".join(sorted(f"subject {h.subject}{at}, {h.hand} hand" for h, at in sessions.items()))
         text += f". Left out of all statistics because of findings in their recordings: {hands}"
     if results.simulated:
-        return f"{text}. The simulator knows the true skeleton; no person's hand is behind these numbers."
+        return f"{text}. The true skeletons are known from the simulation; no person was measured."
     trackers = ", ".join(sorted({row["tracker"] for row in used if row.get("tracker")}))
-    text += f". The tracker was: {trackers or '[name it here]'}."
+    text += f". Tracker: {trackers or '[name it here]'}."
     mappings = Counter(each.source.mapping for each in results.recordings if not each.exclude)
     return text + "".join(
-        f" {_count(n, 'recording')} of another program: read as {path.name} declares"
+        f" {_count(n, 'recording')} of another program, read as declared in {path.name}"
         f"{_describe_mapping(path)}."
         for path, n in sorted((path, n) for path, n in mappings.items() if path)
     )
@@ -99,31 +99,30 @@ def _describe_models(results: StudyResults) -> str:
     """Describe the models; their descriptions are shortened if no layout has a thumb."""
     thumb = any("thumb" in layout.digits for layout in results.layouts.values())
     text = (
-        "Joint centres were found from the relative motion of the receivers beside each joint [1–3], under "
-        f"{_count(len(results.models), 'skeleton model')}."
+        "Joint centres were estimated from the relative motion of the receivers on both sides of each joint "
+        f"[1–3] with {_count(len(results.models), 'skeleton model')}."
     )
     for name, model in results.models.items():
-        described = "each joint by the receivers on both sides of it"
+        described = "each joint estimated from the receivers on both sides of it"
         text += f" {name}: {model.description.rstrip('.') if thumb or not model.own_cmc else described}."
     if results.fitted:
         text += (
-            f" {', '.join(results.fitted)}: all joint centres, axes, bone lengths and the receivers' places "
-            "were estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by a "
-            "Gaussian approximation. Joint angles follow ISB [4]."
+            f" {', '.join(results.fitted)}: all joint centres, axes, bone lengths and receiver positions "
+            "were estimated together (maximum a posteriori, with anatomical priors), and their uncertainty "
+            "by a Gaussian approximation. Joint angles follow the ISB recommendation [4]."
         )
     return text
 
 
 def _describe_comparison(results: StudyResults) -> str:
     fresh = any(row["held_out"] and not row["reference"] for row in results.rows.skeleton_scores)
-    seen = (
-        "of tasks that they were not made from" if fresh else "that they were made from; nothing was held out"
-    )
+    seen = "of tasks that were not used to make them" if fresh else "used to make them; nothing was held out"
     return (
-        f"Skeletons were scored on recordings {seen}. The subject was the unit of comparison: each gave one "
-        "difference between two models, the mean over its hands, recordings and digits. Differences were "
-        f"tested by flipping their signs [5]; 95 % intervals are Student's (from {FEWEST_SUBJECTS} subjects "
-        "on); Holm's procedure corrected p [6]; effect sizes are Cohen's d_z with Hedges' correction [7]."
+        f"Skeletons were scored on recordings {seen}. The subject was the unit of analysis: each contributed "
+        "one difference between two models, the mean over its hands, recordings and digits. Differences were "
+        "tested by sign-flip permutation [5]; 95 % confidence intervals are based on Student's t (for "
+        f"{FEWEST_SUBJECTS} or more subjects); p values were corrected by Holm's procedure [6]; effect sizes "
+        "are Cohen's d_z with Hedges' correction [7]."
     )
 
 
@@ -131,22 +130,22 @@ def movement_paragraph(movement: StudyMovement) -> str:
     """Describe how movement was measured and compared: filters, statistics and number of subjects."""
     subjects = _count(movement.ranges["subject"].nunique(), "subject")
     text = (
-        f"Movement was measured in {subjects} by joint angles under {movement.model}. The range of motion is "
-        "the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are slopes of a parabola "
-        "fitted in a moving window that passes 10 Hz at half power (Savitzky-Golay)."
+        f"Movement was measured in {subjects} by joint angles under the model {movement.model}. The range of "
+        "motion is the difference between the 97.5th and the 2.5th percentile of an angle. Speeds are slopes "
+        "of a parabola fitted in a moving window (Savitzky-Golay filter, half power at 10 Hz)."
     )
     if len(movement.differences):
         tests = ", ".join(sorted(filter(None, movement.differences["test"].unique())))
         text += (
-            " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-            f"{tests or 'none, too few subjects'}; two-sided. A difference counts as shown if p is at most "
-            "5 % after Holm's correction over all quantities, joint angles, hands and tasks of two "
-            "levels; 95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
-            "corrected for few subjects."
+            " Values were averaged over trials, then over sessions; the subject was the unit of analysis. "
+            f"Two-sided tests: {tests or 'none, too few subjects'}. Differences were called significant if p "
+            "was at most 0.05 after Holm's correction over all quantities, joint angles, hands and tasks of "
+            "a pair of levels; 95 % confidence intervals; effect sizes are d_z within subjects and Hedges' g "
+            "between groups, both corrected for small samples."
         )
     if len(movement.reliability):
         text += (
-            " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of measurement "
-            "within subjects, minimal detectable change 1.96 √2 times that."
+            " Repeatability: ICC(2,1) and ICC(3,1) with F-based confidence intervals, standard error of "
+            "measurement within subjects, and minimal detectable change, 1.96 √2 times that error."
         )
     return text

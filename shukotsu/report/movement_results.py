@@ -83,15 +83,15 @@ def why_no_curves(results: StudyResults, recording: Recording, model: str) -> st
     mine = [row for row in cycles if row_key(row) == recording_key(recording)]
     if not mine:
         return tr(
-            "No event begins a cycle in this recording, so no angle is averaged over cycles; the study's "
-            "sheet of events says when cycles begin"
+            "No event starts a cycle in this recording, so no angles are averaged over cycles; the study's "
+            "events sheet lists the events that start cycles"
         )
     if not any(row["used"] for row in mine):
         texts = [*dict.fromkeys(row["message"] for row in mine)][:_MOST_REASONS]
         reasons = listed(map(translated, texts))
         return ngettext(
-            "The one cycle of this recording cannot be used ({reasons}), so no angle is averaged",
-            "None of the {n} cycles of this recording can be used ({reasons}), so no angle is averaged",
+            "The only cycle of this recording cannot be used ({reasons}), so no angles are averaged",
+            "None of the {n} cycles of this recording can be used ({reasons}), so no angles are averaged",
             len(mine),
             reasons=reasons,
         )
@@ -207,11 +207,11 @@ _LABELS = {
     "range_deg": N_("Range of motion"),
     "full_range_deg": N_("Full range"),
     "median_deg": N_("Posture, median"),
-    "speed_median_deg_s": N_("Speed, median"),
-    "speed_p95_deg_s": N_("Speed, 95 %"),
+    "speed_median_deg_s": N_("Median speed"),
+    "speed_p95_deg_s": N_("Speed, 95th percentile"),
     "path_length_mm": N_("Path length"),
-    "speed_median_mm_s": N_("Speed, median"),
-    "speed_p95_mm_s": N_("Speed, 95 %"),
+    "speed_median_mm_s": N_("Median speed"),
+    "speed_p95_mm_s": N_("Speed, 95th percentile"),
 }
 _QUANTITIES = {quantity.name: quantity for quantity in QUANTITIES}
 
@@ -254,7 +254,7 @@ def compared_factors(results: StudyResults, study: Study, movement: StudyMovemen
         rows = _chosen(movement, factor, asked)
         reason = reasons.get(factor, "")
         if not rows and not reason:
-            reason = tr("no hand and task has numbers at two of its levels, so nothing is compared")
+            reason = tr("no hand and task has values at two of its levels, so nothing is compared")
         measured = [row for row in rows if row["difference"] is not None][: MOST_DRAWN + len(asked)]
         drawn = tuple(_drawn(results, everything, movement.model, row) for row in measured)
         table = _table(factor, rows, asked) if rows else None
@@ -309,15 +309,15 @@ def _table(factor: str, rows: Sequence[MovementDifferencesRow], asked: Sequence[
     for pair in dict.fromkeys((row["level"], row["other_level"]) for row in rows):
         of_level = tr("n, mean ± SD")
         names = [f"{word(level)}: {of_level}" for level in pair]
-        header = (tr("Number"), tr("Hand"), tr("Task"), *names, tr("Difference"), tr("95 % interval"))
+        header = (tr("Quantity"), tr("Hand"), tr("Task"), *names, tr("Difference"), tr("95 % interval"))
         cells = [_cells(row) for row in rows if (row["level"], row["other_level"]) == pair]
         blocks.append(RowBlock((*header, tr("p, corrected")), tuple(cells)))
     there = {f"{row['quantity']} {row['of']}" for row in rows}
     absent = [name for name in asked if name not in there]
     notes = [tr("Not measured: {names}.", names=", ".join(absent))] if absent else []
     caption = tr(
-        "{factor}: numbers that the study file names, then at most {n} that differ most; means over subjects "
-        "(movement_differences.parquet).",
+        "{factor}: the quantities that the study file lists, then up to {n} others that differ most; means "
+        "over subjects (movement_differences.parquet).",
         factor=factor,
         n=MOST_SHOWN,
     )

@@ -53,7 +53,7 @@ def care_line(results: StudyResults) -> str:
         ]
         worst = max(rows, key=lambda row: row["sd_mm"] or 0.0)
         parts.append(": ".join([listed(joints), *reasons_of(worst)[:1]]))
-    return tr("With care: {joints}.", joints="; ".join(parts)) if parts else ""
+    return tr("Use with care: {joints}.", joints="; ".join(parts)) if parts else ""
 
 
 def next_step(results: StudyResults) -> str:
@@ -62,7 +62,7 @@ def next_step(results: StudyResults) -> str:
     Actions are ranked by the sum, over the joints that they improve, of the error in excess of `wanted_mm`.
     """
     if results.suspect:
-        return tr("Next: put right what was found in the recordings, and run again.")
+        return tr("Next: correct the mistakes found in the recordings, and run again.")
     missed_mm: dict[str, float] = defaultdict(float)
     served: dict[str, dict[str, None]] = defaultdict(dict)
     measured: dict[Hand, bool] = {}
@@ -79,7 +79,7 @@ def next_step(results: StudyResults) -> str:
     if missed_mm:
         action = max(missed_mm, key=lambda each: missed_mm[each])
         joints = [*served[action]]
-        return tr("Next: {action}; it improves {joints}.", action=action, joints=joints)
+        return tr("Next: {action}; this would improve {joints}.", action=action, joints=joints)
     hands = {hand_of(row) for row in doubted_joints(results)}
     gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in hands]
     best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]

@@ -35,7 +35,7 @@ def recordings_table(results: StudyResults) -> DataTable:
         *map(quantity_column, ("n_frames", "duration_s", "valid_percent")),
         text_column(tr("Message"), "message"),
     )
-    return table_of(tr("Every recording of the sheet."), columns, rows)
+    return table_of(tr("All recordings in the recordings sheet."), columns, rows)
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
     names = [name for name in MEANS if any(_is_known(name, row) for _, rows in scored for row in rows)]
     columns = (
         PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
-        PageColumn(tr("Made from"), _made_from, is_text=True),
+        PageColumn(tr("Calibrated on"), _made_from, is_text=True),
         PageColumn(
             tr("Held out"),
             lambda each: DASH if each[0].reference else tr("yes") if each[0].held_out else tr(IN_SAMPLE),
@@ -182,10 +182,10 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
 
     columns = (
         PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
-        PageColumn(tr("Made from"), _made_from, is_text=True),
+        PageColumn(tr("Calibrated on"), _made_from, is_text=True),
         PageColumn(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
         quantile(heading("median_mm"), 0.5),
-        quantile("90 % [mm]", 0.9),
+        quantile(tr("90th percentile [mm]"), 0.9),
         quantile(heading("max_mm"), 1.0),
         PageColumn(
             f"> {FAR_MM:.0f} mm [%]", lambda each: _percent([e > FAR_MM for e in _sizes(each, "error_mm")])
@@ -193,13 +193,15 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         quantile(tr("Axis [deg]"), 0.5, "axis_deg"),
         quantile(heading("bone_error_percent"), 0.5, "bone_error_percent"),
         PageColumn(
-            tr("In the stated 95 % [%]"),
+            tr("Within the stated 95 % region [%]"),
             lambda each: _percent(
                 [row[half] for row in each[1] for half in HALVES_WITHIN_95 if row[half] is not None]
             ),
         ),
     )
-    caption = tr("Joints against the true ones, both hands: {who}. Axis, bone length: medians.", who=who)
+    caption = tr(
+        "Errors of joints against the truth, both hands: {who}. Axis, bone length: medians.", who=who
+    )
     return table_of(caption, columns, _blocks(scored), source="joint_errors")
 
 
@@ -262,7 +264,7 @@ def printed_table(table: int) -> DataTable:
         )
         for hand in HANDS
     )
-    return DataTable(tr("Table {table}, as the paper prints it.", table=table), tuple(blocks))
+    return DataTable(tr("Table {table} as printed in the paper.", table=table), tuple(blocks))
 
 
 def table_title(model: SkeletonModel) -> str:

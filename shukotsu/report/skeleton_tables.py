@@ -32,7 +32,7 @@ from shukotsu.translation import N_, ngettext, tr, translated, word
 if TYPE_CHECKING:
     from shukotsu.tables.rows import BoneLengthsRow, RangesOfMotionRow, ReceiversRow
 
-SHARED = N_("The model ties the bone lengths of a person’s two hands: they are one measurement, not two.")
+SHARED = N_("The model estimates the bone lengths of both hands together: they are not independent.")
 _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 
 
@@ -80,10 +80,11 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
 
 
 _KNOWN_TWICE = {
-    "session": N_("Bones found in two sessions differ by {times} times what was expected ({n} pairs)."),
-    "hand": N_("Bones of the right and the left hand differ by {times} times what was expected ({n} pairs)."),
+    "session": N_("Bone lengths from two sessions differ by {times} times the expected amount ({n} pairs)."),
+    "hand": N_("Bone lengths of the two hands differ by {times} times the expected amount ({n} pairs)."),
     "recording": N_(
-        "Bones found in two recordings of a session differ by {times} times what was expected ({n} pairs)."
+        "Bone lengths from two recordings of a session differ by {times} times the expected amount ({n} "
+        "pairs)."
     ),
 }
 
@@ -95,8 +96,8 @@ def agreement_notes(results: StudyResults, model: str) -> tuple[str, ...]:
     if notes:
         notes.append(
             tr(
-                "1 is expected where the stated errors are right. An error that is the same each time, "
-                "of the average hand or of this person's skin, shows in none of these."
+                "A factor of 1 is expected if the stated errors are correct. Errors that are the same each "
+                "time, from the average anatomy or from this person's skin, do not show in these comparisons."
             )
         )
     return tuple(notes)
@@ -149,7 +150,7 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         PageColumn(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
         error_column(tr("Along the bone [mm]"), "along", "mm", 2),
         error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
-        error_column(tr("Over the bone [mm]"), "height", "mm", 2),
+        error_column(tr("Above the bone [mm]"), "height", "mm", 2),
         quantity_column("residual_mm"),
         quantity_column("residual_deg"),
         PageColumn(tr("Came loose"), _loose, is_text=True),
@@ -179,7 +180,7 @@ def _loose(row: ReceiversRow) -> str:
     if row["loose_from_frame"] is None:
         return ""
     return tr(
-        "◆ {task} from frame {frame} on: moved {mm} mm, turned {deg} deg",
+        "◆ {task} from frame {frame} on: moved {mm} mm, rotated {deg} deg",
         task=row["loose_task"],
         frame=row["loose_from_frame"],
         mm=number(row["loose_shift_mm"], 1),

@@ -36,28 +36,28 @@ QUANTITIES: Mapping[str, Quantity] = {
     "gap_rms_free_mm": Quantity(N_("Gap without plane (RMS)"), "mm", 2),
     "axis_plane_deg": Quantity(N_("Axis to plane"), "deg", 1),
     "correction_mm": Quantity(N_("Correction"), "mm", 1),
-    "error_mm": Quantity(N_("Joint against the truth"), "mm", 1),
-    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 1),
-    "metacarpal_deg": Quantity(N_("Metacarpal direction against the truth"), "deg", 2),
-    "left_out_mean_mm": Quantity(N_("Distal receivers left out"), "mm", 2),
+    "error_mm": Quantity(N_("True joint error"), "mm", 1),
+    "true_tip_mean_mm": Quantity(N_("True fingertip error"), "mm", 1),
+    "metacarpal_deg": Quantity(N_("True metacarpal direction error"), "deg", 2),
+    "left_out_mean_mm": Quantity(N_("Error at left-out receivers"), "mm", 2),
     "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),
     "replay_mean_mm": Quantity(N_("Tip error of the replay"), "mm", 2),
     "wrist_mcp_sd_mm": Quantity(N_("SD of wrist to MCP"), "mm", 2),
-    "low_deg": Quantity("2.5 %", "deg", 1),
-    "high_deg": Quantity("97.5 %", "deg", 1),
+    "low_deg": Quantity(N_("2.5th percentile"), "deg", 1),
+    "high_deg": Quantity(N_("97.5th percentile"), "deg", 1),
     "full_range_deg": Quantity(N_("Full range"), "deg", 1),
-    "speed_median_deg_s": Quantity(N_("Speed, median"), "deg/s", 1),
+    "speed_median_deg_s": Quantity(N_("Median speed"), "deg/s", 1),
     "length_mm": Quantity(N_("Bone length"), "mm", 1),
     "bone_error_percent": Quantity(N_("Bone length"), "%", 2),
     "residual_mm": Quantity(N_("Residual"), "mm", 2),
     "residual_deg": Quantity(N_("Residual"), "deg", 2),
     "mean_mm": Quantity(N_("Mean"), "mm", 2),
     "median_mm": Quantity(N_("Median"), "mm", 2),
-    "p95_mm": Quantity("95 %", "mm", 2),
+    "p95_mm": Quantity(N_("95th percentile"), "mm", 2),
     "max_mm": Quantity(N_("Max"), "mm", 2),
     "min_mm": Quantity(N_("Min"), "mm", 2),
     "n_effective": Quantity(N_("Independent samples"), "", 1),
-    "speed_p95_deg_s": Quantity(N_("Speed, 95 %"), "deg/s", 1),
+    "speed_p95_deg_s": Quantity(N_("Speed, 95th percentile"), "deg/s", 1),
     "valid_percent": Quantity(N_("Valid"), "%", 1),
     "duration_s": Quantity(N_("Duration"), "s", 2),
     "n_frames": Quantity(N_("Frames"), "", 0),
@@ -67,31 +67,29 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 MEANINGS: Mapping[str, str] = {
     "sd_mm": N_("1-sigma error of the joint's centre in three dimensions, including skin motion"),
-    "range_deg": N_("how far the joint turned in the calibration; below 10 deg its position is hardly known"),
-    "gap_rms_mm": N_("distance between the centres that the receivers on its two sides give the joint"),
+    "range_deg": N_("angle moved in the calibration; below 10 deg the position is poorly determined"),
+    "gap_rms_mm": N_("distance between the two estimates of the centre, from the receivers on either side"),
     "gap_rms_free_mm": N_(
-        "the gap of the best fit without plane or correction; if far below the gap, these moved the joint"
+        "gap of the best fit without plane and correction; if far below the gap, these displaced the joint"
     ),
-    "axis_plane_deg": N_("angle of the axis to the plane that cuts it; near 0 the centre may slide along it"),
-    "correction_mm": N_("how far the centre was moved by hand"),
-    "replay_mean_mm": N_("how well joints close when the motion is replayed; it judges no skeleton"),
-    "posed_mean_mm": N_("distance of the posed hand from its fingertip receivers, which were in the fit"),
+    "axis_plane_deg": N_("angle between axis and plane; near 0 the centre can slide along the axis"),
+    "correction_mm": N_("distance by which the centre was moved by hand"),
+    "replay_mean_mm": N_("distance from the replayed fingertip to its receiver; no criterion for a skeleton"),
+    "posed_mean_mm": N_("distance of the fitted hand from its fingertip receivers, which the fit used"),
     "left_out_mean_mm": N_(
-        "how far a fingertip receiver, hidden from the fit, is from where the others put it"
+        "distance from a fingertip receiver left out of the fit to its position predicted by the others"
     ),
-    "wrist_mcp_sd_mm": N_(
-        "how much the length from wrist to knuckle varies; the true skeleton's is constant"
-    ),
+    "wrist_mcp_sd_mm": N_("variation of the length from wrist to MCP joint; constant in the true skeleton"),
     "n_effective": N_("number of independent frames that the recording provides for this joint"),
     "residual_mm": N_("distance between a receiver's measured and fitted position"),
     "residual_deg": N_("angle between a receiver's measured and fitted orientation"),
 }
 _TERMS: Mapping[str, str] = {
-    "prior-only": N_("the average hand, before any recording; a skeleton must beat it"),
-    "distal-receiver": N_("the fingertip taken where its receiver sits; a skeleton must beat it"),
-    "true-skeleton": N_("the true skeleton of the simulated hand: what skin and tracker alone cost"),
-    N_("Held out"): N_("whether the skeleton was made without the task it is scored on; compare these rows"),
-    N_("Came loose"): N_("from which frame on the receiver sat elsewhere"),
+    "prior-only": N_("the hand expected from anatomy alone; a skeleton should be more accurate"),
+    "distal-receiver": N_("the fingertip assumed to be at its receiver; a skeleton should be more accurate"),
+    "true-skeleton": N_("the true skeleton of the simulated hand; its errors are those of skin and tracker"),
+    N_("Held out"): N_("whether the skeleton was made without the scored task; compare models by these rows"),
+    N_("Came loose"): N_("frame from which on the receiver was displaced on its bone"),
 }
 """Meanings of quantities and of other words in tables, in one sentence each."""
 

@@ -32,8 +32,8 @@ SCRIPT_TEXTS = {
     "moment": N_("frame {frame}, {time_s} s"),
     "fingertip": N_("fingertip"),
     "joint": N_("joint"),
-    "still": N_("The hand does not move here: {error}."),
-    "no_webgl": N_("this browser shows no WebGL 2"),
+    "still": N_("The hand cannot be shown in motion: {error}."),
+    "no_webgl": N_("this browser does not support WebGL 2"),
     "flexion": N_("flexion"),
     "abduction": N_("abduction"),
     "rotation": N_("rotation"),
@@ -44,7 +44,7 @@ SCRIPT_TEXTS = {
     "tip_error_at": N_("Tip error [mm] at {where}"),
     "no_model": N_("no model is chosen"),
     "unknown": N_("not known"),
-    "time": N_("time from the first frame [s]"),
+    "time": N_("time since the first frame [s]"),
 }
 """Texts used by scripts, by name, for `wording(name, values)` in base.html.j2."""
 

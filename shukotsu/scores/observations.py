@@ -53,8 +53,8 @@ METRICS = (
 )
 """Metrics in order of importance; those that judge the skeleton are first (docs/method.md, "The columns")."""
 
-NO_NUMBER = "no such number"
-OTHER_KIND = {True: "made from this task too, not held out", False: "made without this task, not in-sample"}
+NO_NUMBER = "no value"
+OTHER_KIND = {True: "made from this task too: not held out", False: "made without this task: not in-sample"}
 _PLACE = ["subject", "model", "digit", "place"]
 _SKELETON = ["subject", "session", "hand", "model", "calibrated_on"]
 SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message")

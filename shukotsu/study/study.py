@@ -231,8 +231,8 @@ def not_compared(study: Study) -> dict[str, str]:
             reasons[factor] = tr(text, n=len(levels))
         elif len(levels) > MOST_LEVELS:
             reasons[factor] = tr(
-                "has {n} levels; at most {most} are compared pair by pair; put groups of them into the "
-                "sheet's column",
+                "has {n} levels, but at most {most} are compared pair by pair; combine levels into groups in "
+                "the sheet's column",
                 n=len(levels),
                 most=MOST_LEVELS,
             )

@@ -124,7 +124,7 @@ def test_motions_that_c3d_cannot_hold_are_refused(tmp_path: Path) -> None:
     uneven = timed(motion, time_s=motion.time_s + np.where(late, 0.004, 0) * np.arange(40))
     for bad, words in (
         (motion.take(slice(0)), "needs at least one frame"),
-        (uneven, "an even one with --fps"),
+        (uneven, "resample with --fps"),
         (
             timed(motion, frame=motion.frame + 70_000 * late, time_s=motion.time_s + 700 * late),
             "C3D holds at most 65534",

@@ -43,7 +43,7 @@ def test_joints_beyond_the_last_receiver_rest_and_are_noted(fresh: SimulatedHand
     motion, ready = fresh.motion(FITTED), fresh.ready()
     beyond = [motion.index(joint) for joint in ("little_dip", "little_tip")]
     assert not motion.known[:, beyond].any()
-    assert motion.notes == ("no receiver shows little_dip, little_tip",)
+    assert motion.notes == ("measured by no receiver: little_dip, little_tip",)
     middle, dip = ready.index("little_pip"), ready.index("little_dip")
     assert np.allclose(ready.quaternion[:, dip], ready.quaternion[:, middle])
     assert ready.whole.all()
@@ -77,7 +77,7 @@ def test_axis_rig_and_stiff_bones_show_in_the_exported_files(
     np.testing.assert_allclose(root_cm, wrist_mm[:, [0, 2, 1]] * [0.1, -0.1, 0.1], atol=1e-6)
     assert "JOINT mixamorig:RightHandIndex1\n" in text
     assert [line.split()[1] for line in text.splitlines() if "CHANNELS" in line] == ["6"] + ["3"] * 15
-    assert "folded into the bones after them" in capsys.readouterr().err
+    assert "merged into the bones after them" in capsys.readouterr().err
 
 
 def test_a_gap_is_refused_by_bvh_and_kept_by_csv(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_a_gap_is_refused_by_bvh_and_kept_by_csv(tmp_path: Path) -> None:
         (["--model", "rigid"], "has no model 'rigid'; it has paper-fig4, whole-hand"),
         (["--frames", "5000:"], "no frame of the recording is in 5000:"),
         (["--rig", "maya"], "there is no rig 'maya'"),
-        (["--formats", "csv,bvh,bvh"], "--formats: bvh is there twice; name each format"),
+        (["--formats", "csv,bvh,bvh"], "--formats: bvh is listed twice; list each format"),
         (["--plan", "none/plan.json"], "none/plan.json: no such file"),
     ],
 )

@@ -47,8 +47,8 @@ def test_a_held_gap_keeps_the_posture_while_the_hand_moves() -> None:
     recorded = np.r_[0:10, 20:50]
     np.testing.assert_array_equal(held.position_mm[recorded], motion.position_mm[recorded])
     assert held.notes == (
-        "1 gap (10 frames, the longest 0.110 s) filled by the pose before, held in the frame of the bone "
-        "before",
+        "1 gap (10 frames, the longest 0.110 s) filled by holding the pose before it in the parent bone's "
+        "frame",
     )
 
 
@@ -58,7 +58,7 @@ def test_a_cut_leaves_the_longest_complete_part() -> None:
     np.testing.assert_array_equal(rest.frame, np.arange(21, 50) + 7)
     assert rest.whole.all()
     assert rest.notes == (
-        "gaps cut: frames 28 to 56 stay, the longest stretch without a gap (29 of 50); cut away: 7-27",
+        "gaps cut: frames 28 to 56 are kept, the longest stretch without a gap (29 of 50); removed: 7-27",
     )
 
 

@@ -114,7 +114,7 @@ def test_ranges_use_frame_numbers_and_long_recordings_are_thinned(
     whole, posed = right.motion(FITTED), recording_reader(right.plan, right.recording, FITTED)
     part = read_motion(posed, frames=(20, 30))
     assert part.frame.tolist() == list(range(20, 31))
-    assert part.notes == ("frames 20 to 30 only, as asked",)
+    assert part.notes == ("frames 20 to 30 only, as requested",)
     np.testing.assert_array_equal(part.quaternion, whole.quaternion[whole.frame.searchsorted(part.frame)])
     with pytest.raises(InputError, match=r"no frame of the recording is in 900:; it has \d to 2\d\d"):
         read_motion(posed, frames=(900, None))
@@ -122,6 +122,6 @@ def test_ranges_use_frame_numbers_and_long_recordings_are_thinned(
     some = read_motion(posed)
     assert some.frame.tolist() == whole.frame[::3].tolist()
     assert some.rate_hz == pytest.approx(80)
-    assert some.notes == ("one frame in 3, as no more than 100 are exported; --frames has all of a part",)
+    assert some.notes == ("one frame in 3, since at most 100 are exported; --frames exports all of a part",)
     np.testing.assert_array_equal(some.position_mm, whole.position_mm[::3])
     assert read_motion(posed, frames=(20, 30)).frame.tolist() == list(range(20, 31))

@@ -51,7 +51,7 @@ def test_a_missing_metacarpal_is_folded_into_the_proximal_phalanx(hand: Simulate
     assert there.joints[mcp].dof == 0
     assert np.isnan(there.axis[mcp]).all()
     np.testing.assert_array_equal(there.axis[mcp + 1], motion.axis[before + 1])
-    assert there.notes[-1] == f"{', '.join(LACKING)} folded into the bones after them"
+    assert there.notes[-1] == f"{', '.join(LACKING)} merged into the bones after them"
 
 
 def test_joints_have_the_names_documented_by_each_rig() -> None:

@@ -53,8 +53,8 @@ WHOLE = midi(b"\x00" + tempo(400_000) + END, b"\x00\x90\x3c\x40\x60\x80\x3c\x00"
         (b"", "cannot be read as a standard MIDI file"),
         (midi(END, kind=2), "of format 2 with"),
         (WHOLE[:-1], "it is cut off"),
-        (midi(END, division=0), "0 ticks a quarter"),
-        (midi(END, division=0xE728), "expected format 0 or 1 and ticks of a quarter note, not time code"),
+        (midi(END, division=0), "0 ticks per quarter"),
+        (midi(END, division=0xE728), "expected format 0 or 1 and ticks per quarter note, not time code"),
     ],
 )
 def test_unsupported_midi_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:

@@ -183,7 +183,7 @@ def test_results_of_a_model_without_stated_errors_are_weak(measured: Measured) -
     rows = measured.rows("ranges_of_motion", model="rigid", task=TASK)
     rows = [row for row in rows if row["range_deg"] is not None]
     assert {(row["status"], row["hand"]) for row in rows} == {("weak", "right"), ("weak", "left")}
-    still = {row["joint"] for row in rows if "keeps the metacarpal still" in row["message"]}
+    still = {row["joint"] for row in rows if "keeps the metacarpal fixed" in row["message"]}
     assert still == {f"{name}_mcp" for name in FINGERS} | {"ring_cmc", "little_cmc"}
     assert all("states no error" in row["message"] for row in rows)
     truth = recorded("left", TASK, seed=SEED, n_frames=N_FRAMES)[0].truth
@@ -272,7 +272,7 @@ def test_events_on_a_weak_clock_are_not_used(measured: Measured) -> None:
     cycles = measured.rows("movement_cycles", hand="left")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
     (stroke,) = measured.rows("event_strokes", hand="left")
-    assert (stroke["used"], stroke["message"]) == (False, "its clock is not sure: its clock is weak")
+    assert (stroke["used"], stroke["message"]) == (False, "its clock is uncertain: its status is weak")
 
 
 def test_strokes_match_those_played(measured: Measured) -> None:
@@ -297,6 +297,6 @@ def test_named_digits_are_used_and_uncertain_strokes_are_not(measured: Measured)
     named, late, other = measured.strokes[3:6]
     assert (named["digit"], named["used"]) == (measured.played.strokes[3].digit, True)
     assert (late["used"], late["digit"]) == (False, "")
-    assert late["message"] == "its onset is known to 30 ms, more than 10"
+    assert late["message"] == "1-sigma error of its onset: 30 ms, more than 10 ms"
     assert (other["used"], other["digit"]) == (False, ""), "no digit moved down then"
-    assert other["message"].startswith("no digit of this hand went down")
+    assert other["message"].startswith("no digit of this hand moved down")

@@ -71,9 +71,9 @@ def test_midi_is_aligned_by_events_of_the_sheet(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pulses", "rows", "message"),
     [
-        ("", [], "has its own clock; state which of its events the recording has as well"),
+        ("", [], "has its own clock; state which of its events are also in the recording"),
         ("note 25", [], "has no event named 'note 25'; it has note 24, note 60"),
-        ("note 24", [], "the recording has no events named 'note 24' to bring them to"),
+        ("note 24", [], "the recording has no events named 'note 24' to align them with"),
         ("note 24 = clap", sheet(1.0), "the recording has no events named 'clap'"),
     ],
 )
@@ -141,7 +141,7 @@ def test_cycles_with_uncertain_ends_are_refused() -> None:
     error is accepted.
     """
     cycles = cut_cycles("tap", [0, 1, 2, 3, 4, 5], [NAN] * 6, [NAN, 0.04, 0.06, 0.0, 0.0, np.inf])
-    reasons = ["", "known to 60 ms", "known to 60 ms", "", "clock of its events is weak"]
+    reasons = ["", "its onset, 60 ms", "its onset, 60 ms", "", "clock of its events is weak"]
     for cycle, reason in zip(cycles, reasons, strict=True):
         assert reason in cycle.refusal
         assert bool(reason) == bool(cycle.refusal)

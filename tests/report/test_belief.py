@@ -86,7 +86,7 @@ def _with_changed_row(results: StudyResults, model: str, joint: str, **changes: 
         (
             {"range_deg": 3.2, "sd_mm": 7.0},
             NOT,
-            "moved only 3 deg; skin alone can look like that; its error exceeds 2 mm (1 sigma, 3-D)",
+            "moved only 3 deg; skin motion alone can cause this; its error exceeds 2 mm (1 sigma, 3-D)",
         ),
         ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no position: no frames"),
     ],
@@ -126,7 +126,7 @@ def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: Study
     }
     mends = {**gain_rows()[0], "joint": row["joint"], "joint_sd_after_mm": 1.9}
     helps = near_lines([row], [mends], layout)
-    assert "known to 2 to 2.5 mm" in helps[0]
+    assert "the error is 2 to 2.5 mm" in helps[0]
     assert "moment arms" in helps[0]
     assert helps[1:] == gain_lines([mends])
     assert "bend slowly" in near_lines([row], [{**mends, "joint_sd_after_mm": 2.1}], layout)[1]
@@ -138,9 +138,9 @@ def test_the_three_best_gains_are_written_as_sentences(fitted: StudyResults) -> 
     lines = gain_lines(rows)
     assert len(lines) == min(len(rows), MOST_GAINS)
     for line, row in zip(lines, rows, strict=False):
-        assert f"to within {row['sd_mm']:.1f} mm, would take " in line
+        assert f"to within {row['sd_mm']:.1f} mm would reduce " in line
         assert f"from {row['joint_sd_before_mm']:.1f} to {row['joint_sd_after_mm']:.1f} mm" in line
-        assert f"from {row['mean_sd_before_mm']:.2f} to {row['mean_sd_after_mm']:.2f} mm" in line
+        assert f"joints: {row['mean_sd_before_mm']:.2f} to {row['mean_sd_after_mm']:.2f} mm)." in line
     text = " ".join(gain_lines(gain_rows()))
     assert "Touching a known point with the ring fingertip" in text
-    assert "Measuring how far " in text
+    assert "Measuring the " in text

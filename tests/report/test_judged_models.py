@@ -42,8 +42,8 @@ def means(results: StudyResults, metric: str) -> dict[str, float]:
 def test_the_truth_decides_if_it_is_known(twelve: StudyResults) -> None:
     mean = means(twelve, "error_mm")
     assert model_to_take(twelve) == (
-        f"Take the model whole-hand: its joints are {mean[OURS]:.1f} mm from the true ones on average; "
-        f"{mean[PAPER]:.1f} mm with the model paper-fig4 (12 subjects; p = 0.00049, corrected by Holm)."
+        f"Use the model whole-hand: its joints are {mean[OURS]:.1f} mm from the true ones on average; "
+        f"{mean[PAPER]:.1f} mm with the model paper-fig4 (12 subjects; p = 0.00049 after Holm's correction)."
     )
 
 
@@ -52,7 +52,7 @@ def test_the_model_shown_to_be_better_is_recommended(fingers: StudyResults) -> N
     swapped = [{**row, "model": {OURS: PAPER, PAPER: OURS}.get(row["model"], row["model"])}
                for row in fingers.rows.joint_errors]  # fmt: skip
     taken = model_to_take(compared(fingers.with_rows(joint_errors=swapped)))
-    assert taken.startswith("Take the model paper-fig4: ")
+    assert taken.startswith("Use the model paper-fig4: ")
 
 
 def test_too_few_subjects_are_reported_and_not_tested(fingers: StudyResults) -> None:
@@ -74,25 +74,25 @@ def test_an_insignificant_difference_is_reported_with_its_p(fingers: StudyResult
         else {**row, "error_mm": row["error_mm"] and mean[PAPER]}
         for row in fingers.rows.joint_errors
     ]
-    assert "no difference is shown, p = " in model_to_take(compared(fingers.with_rows(joint_errors=alike)))
+    assert "no significant difference, p = " in model_to_take(compared(fingers.with_rows(joint_errors=alike)))
 
 
 def test_without_a_truth_left_out_receivers_judge_fitted_hands(fingers: StudyResults) -> None:
     real = without_truth(fingers)
     mean = means(real, "left_out_mean_mm")
     assert model_to_take(real).startswith(
-        f"Take the model whole-hand: it is {mean[OURS]:.2f} mm off on average at fingertip receivers that "
-        f"it has not seen; {mean['prior-only']:.2f} mm with anatomy alone, without data (12 subjects; p = "
+        "Use the model whole-hand: its mean error at fingertip receivers left out of the fit is "
+        f"{mean[OURS]:.2f} mm; {mean['prior-only']:.2f} mm with anatomy alone, without data (12 subjects; "
     )
 
 
 def test_without_a_deciding_number_no_model_is_recommended(fingers: StudyResults) -> None:
     """Cases: no held-out recording, no whole-hand model, and findings in every hand."""
     seen = without_truth(fingers, held_out=False)
-    assert model_to_take(seen).endswith("no recording was held out that could judge it.")
+    assert model_to_take(seen).endswith("no recording was held out to test it.")
     models = {name: model for name, model in fingers.models.items() if name != OURS}
     assert model_to_take(replace(without_truth(fingers), models=models)).startswith(
-        "No model can be chosen here"
+        "No model can be recommended"
     )
     findings = [vars(hand) | {"severity": "suspect"} for hand in fingers.hands]
     assert model_to_take(fingers.with_rows(problems=findings)).startswith("Resolve the findings first")

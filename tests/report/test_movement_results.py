@@ -149,7 +149,7 @@ def test_groups_have_mean_cycle_curves_in_two_colours(
     assert len({line.get_color() for line in pip.lines[1:]}) == 2
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["A", "B"]
-    assert "own mean cycle" in caption
+    assert "mean cycle" in caption
 
 
 def test_without_groups_a_curve_averages_all_subjects(results: StudyResults, movement: StudyMovement) -> None:
@@ -157,7 +157,7 @@ def test_without_groups_a_curve_averages_all_subjects(results: StudyResults, mov
     figure, _ = study_cycles(results, movement, everybody)
     assert [len(axes.lines) for axes in figure.axes] == [2, 2], "the zero line and one mean"
     assert figure.axes[0].get_title("right") == "index_mcp, n = 11–12"
-    with pytest.raises(NoDataError, match="events, which the study’s sheet of events lists"):
+    with pytest.raises(NoDataError, match="events, which the study’s events sheet lists"):
         study_cycles(results, replace(movement, curves=movement.curves.iloc[:0]), everybody)
 
 
@@ -177,6 +177,6 @@ def test_an_untested_difference_states_the_reason(
 
 def test_the_methods_text_states_tests_and_subjects(results: StudyResults, movement: StudyMovement) -> None:
     text = " ".join(methods_text(results, movement))
-    assert "Movement was measured in 12 subjects by joint angles under whole-hand." in text
-    assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text
+    assert "Movement was measured in 12 subjects by joint angles under the model whole-hand." in text
+    assert "Holm's correction over all quantities, joint angles, hands and tasks of a pair of levels" in text
     assert "Movement was measured" not in " ".join(methods_text(results))

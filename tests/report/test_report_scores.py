@@ -10,7 +10,7 @@ from report_samples.pages import read_page, rows_where, table_called
 from shukotsu.report.study_results import StudyResults
 
 SCORES = "Mean over digits and hands: subject S01, opposition."
-TRUTH = "Joints against the true ones, both hands: subject S01."
+TRUTH = "Errors of joints against the truth, both hands: subject S01."
 
 
 def _mean(rows: list[dict[str, Any]], name: str) -> str:
@@ -25,18 +25,18 @@ def test_scores_on_the_page_are_means_of_skeleton_scores(fitted: StudyResults, f
     """
     table = table_called(fitted_page, SCORES)
     assert [row[:3] for row in table.rows] == [
-        ["Skeleton", "Made from", "Held out"],
+        ["Skeleton", "Calibrated on", "Held out"],
         ["paper-fig4", "rom", "yes"],
         ["whole-hand", "rom", "yes"],
         ["paper-fig4", "opposition", "○ no"],
         ["whole-hand", "opposition", "○ no"],
-        ["Reference", "Made from", "Held out"],
+        ["Reference", "Calibrated on", "Held out"],
         ["prior-only", "–", "–"],
         ["distal-receiver", "–", "–"],
         ["true-skeleton", "–", "–"],
     ]
     names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
-    for cells in (row for row in table.rows if row[1] != "Made from"):
+    for cells in (row for row in table.rows if row[1] != "Calibrated on"):
         made_from = "" if cells[1] == "–" else cells[1]
         rows = rows_where(fitted.rows.skeleton_scores, model=cells[0], calibrated_on=made_from)
         expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]

@@ -76,7 +76,7 @@ def test_hands_with_findings_are_left_out_of_the_headline_numbers(fitted: StudyR
     assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
     joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
-    assert joints.of == "can be believed: no hand without a finding has a joint under whole-hand"
+    assert joints.of == "can be believed: whole-hand solved no joint of a hand without findings"
 
 
 def test_headline_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) -> None:
@@ -86,7 +86,7 @@ def test_headline_numbers_read_as_sentences_in_singular_and_plural(fitted: Study
     one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
     assert numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
     assert numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
-    assert numbers_texts(suspect)[1] == "There is no typical error, since no joint is counted."
+    assert numbers_texts(suspect)[1] == "No typical error can be stated, because no joint is counted."
     assert used_text(suspect).startswith(
         "0 of 4 recordings used (4 left out of all statistics because of findings)"
     )
@@ -104,7 +104,7 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
         "",
         "",
     )
-    assert next_step(_suspect(fitted, "left")).startswith("Next: put right what was found")
+    assert next_step(_suspect(fitted, "left")).startswith("Next: correct the mistakes found")
 
     def doubted(*joints: str, **doubts: object) -> StudyResults:
         doubt = {"sd_mm": 5.0, "verdict": "care", **note_doubts(doubts)}
@@ -112,12 +112,12 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
         return fitted.with_rows(joint_centres=rows)
 
     little = doubted("thumb_ip", "thumb_mcp", **{MOVED_LITTLE: {"range_deg": 3.0}})
-    reason = "moved only 3 deg; skin alone can look like that"
-    assert care_line(little) == f"With care: thumb_mcp and thumb_ip: {reason}."
-    serves = "bend and straighten the thumb alone for 10 s; it improves thumb_mcp and thumb_ip."
+    reason = "moved only 3 deg; skin motion alone can cause this"
+    assert care_line(little) == f"Use with care: thumb_mcp and thumb_ip: {reason}."
+    serves = "bend and straighten the thumb alone for 10 s; this would improve thumb_mcp and thumb_ip."
     assert next_step(little) == f"Next: {serves}"
     dead = doubted("index_dip", **{NO_POSE: {"segments": ["index_distal"]}})
-    worn = "wear a receiver on index_distal, and record again; it improves index_dip."
+    worn = "wear a receiver on index_distal, and record again; this would improve index_dip."
     assert next_step(dead) == f"Next: {worn}"
     placed = doubted("wrist", **{BY_ANATOMY: {}})
     assert next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
@@ -131,18 +131,18 @@ def test_without_errors_from_recordings_there_is_no_typical_error(fitted: StudyR
         for row in fitted.rows.joint_centres
     ]
     joints, error, _ = big_numbers(fitted.with_rows(joint_centres=rows))
-    assert (error.value, error.of) == ("–", f"none {joints.unit} has an error from the recordings")
+    assert (error.value, error.of) == ("–", f"the recordings determine the error of none {joints.unit}")
     unworn = [
         row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {})
         for row in fitted.rows.joint_centres
     ]
     fewer, error, _ = big_numbers(fitted.with_rows(joint_centres=unworn))
     assert int(fewer.unit.split()[1]) == int(joints.unit.split()[1]) - 2
-    assert fewer.of.endswith("; for 2 more no receiver was worn")
+    assert fewer.of.endswith("; joints without a receiver, not counted: 2")
     shown = rows_where(unworn, model="whole-hand", reason="not-worn")
     stated = [row for row in rows_where(unworn, model="whole-hand") if row["sd_mm"] is not None]
     n = sum(row not in shown for row in stated)
-    assert f"the median of {n} {fewer.unit}, 1 sigma" in error.of
+    assert f"the median over {n} {fewer.unit}, 1 sigma" in error.of
 
 
 def test_the_overview_lists_every_joint_of_every_hand(fitted: StudyResults, fitted_study_page: str) -> None:
@@ -188,7 +188,7 @@ def test_bone_lengths_of_all_hands_are_one_table(fitted: StudyResults, fitted_st
             start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
             assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
     times, n = times_expected(row for row in fitted.rows.agreement if row["model"] == "whole-hand")["hand"]
-    differ = f"the right and the left hand differ by {times:.1f} times what was expected ({n} pairs)"
+    differ = f"Bone lengths of the two hands differ by {times:.1f} times the expected amount ({n} pairs)"
     assert differ in fitted_study_page
 
 

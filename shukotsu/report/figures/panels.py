@@ -348,7 +348,7 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
         return np.column_stack([across, up]) * scale, np.column_stack([start + side * towards, up]) * scale
 
     names = [name for name, inside in zip(skeleton.points, near, strict=True) if not inside]
-    absent = tr("Not in the picture: {names}.", names=listed(map(word, names))) if names else ""
+    absent = tr("Not shown: {names}.", names=listed(map(word, names))) if names else ""
     lines = wrap_text(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
     views = _HandViews(
         joints=flat(np.where(near[:, None], joints, np.nan)),
@@ -496,7 +496,7 @@ def study_text(results: StudyResults) -> str:
         kind=tr("simulated recordings of ") if results.simulated else "",
         subjects=ngettext("{n} subject", "{n} subjects", len(results.subjects)),
         hands=ngettext("{n} hand", "{n} hands", len(results.hands)),
-        each=tr(" (counted in each session)") if results.has_sessions else "",
+        each=tr(" (each counted once per session)") if results.has_sessions else "",
     )
 
 

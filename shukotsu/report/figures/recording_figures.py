@@ -218,9 +218,9 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     ]
     return print_figure(in_rows(panels, 1), handles), tr(
         "Tip error over time of {recording_text}: distance from the replayed fingertip to the distal "
-        "receiver, least-squares binding [mm]; n = {n} frames a digit. Line: the largest value of every "
-        "stretch of time that print can resolve; shade: down to the smallest; broken where frames are "
-        "missing. Mean over digits: {means}. It says how well the joints close and not where they are.",
+        "receiver, least-squares binding [mm]; n = {n} frames per digit. Line: largest value in each "
+        "interval that print can resolve; shaded: down to the smallest; interrupted at missing frames. Mean "
+        "over digits: {means}. It shows how well the two sides of each joint agree, not where the joint is.",
         recording_text=recording_text(recording),
         n=count_range([row["n_frames"] for row in rows] or [0]),
         means="; ".join(means),
@@ -265,10 +265,10 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     handles = [Line2D([], [], color=look.colour, label=look.label) for look in angle_looks().values()]
     return print_figure(rows, handles), tr(
         "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint coordinate system of "
-        "Grood and Suntay, signed as the International Society of Biomechanics recommends for the hand: "
-        "flexion, ulnar deviation and pronation are positive [deg]. Line: the largest value of every stretch "
-        "of time that print can resolve; shade: down to the smallest; lighter shade: the stated 1-sigma "
-        "error to either side; broken where frames are missing.",
+        "Grood and Suntay, with the signs that the International Society of Biomechanics recommends for the "
+        "hand: flexion, ulnar deviation and pronation are positive [deg]. Line: largest value in each "
+        "interval of time that print can resolve; shaded: down to the smallest value; lighter shading: ± the "
+        "stated 1-sigma error; interrupted if frames are missing.",
         recording_text=recording_text(recording),
         model=model,
         n_frames=len(x),
@@ -371,9 +371,9 @@ def recording_cycles(
     ]
     return print_figure(rows, legend_handles(angle_looks().values())), tr(
         "Joint angles over the cycle of {recording_text}, model {model}: means over n cycles, each from one "
-        "event “{event}” to the next or to its own end, at every percent of its duration [deg]. Shade: one "
-        "standard deviation over cycles to either side. Flexion, ulnar deviation and pronation are "
-        "positive. A cycle with a gap counts where it is measured.",
+        "event “{event}” to the next event or to the end of the same event, at each percent of its duration "
+        "[deg]. Shaded: ± one standard deviation over cycles. Flexion, ulnar deviation and pronation are "
+        "positive. A cycle with gaps is included where it was measured.",
         recording_text=words,
         model=model,
         event=event,

@@ -159,10 +159,10 @@ def models(results: StudyResults) -> tuple[Figure, str]:
         for name, panel in zip(panel_names(len(panels)), panels, strict=True)
     ]
     return print_figure(in_rows(panels, 2)), tr(
-        "Skeleton models compared. {study_text} A dot is a subject, the mean over hands, "
-        "recordings and digits, and a line goes through one subject's dots; mark: mean; bar: its 95 % "
-        "interval, from {n} subjects on. The replay's error says how well joints close and not where they "
-        "are. {headings}",
+        "Comparison of skeleton models. {study_text} Each dot is a subject (mean over hands, recordings and "
+        "digits), and lines join the dots of one subject; mark: mean; bar: 95 % confidence interval of the "
+        "mean, for {n} or more subjects. The tip error of the replay shows how well the two sides of each "
+        "joint agree, not where the joint is. {headings}",
         study_text=study_text(results),
         n=FEWEST_SUBJECTS,
         headings=" ".join(headings),
@@ -228,12 +228,11 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
         )
     ]
     return print_figure(in_rows(panels, _ACROSS), handles), tr(
-        "Error of every joint centre, model by model. {study_text} Distance to the true centre "
-        "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
-        "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
-        "three dimensions (outside the scale where it is larger than every error); dotted line: "
-        "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
-        "panel. {kind}.",
+        "Error of each joint centre under each model. {study_text} Distance to the true centre in the frame "
+        "of the distal (child) receiver [mm]. Each dot is a hand; mark: median; bar: quartiles, for "
+        "{FEWEST_FOR_QUARTILES} or more hands; black line: median stated 1-sigma error in three dimensions "
+        "(off the scale if larger than all errors); dotted line: median error of prior-only, the hand "
+        "expected from anatomy. Models with equal joints share a panel. {kind}.",
         study_text=study_text(results),
         FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
         kind=tr("Held out") if judged.held_out else tr("In-sample"),
@@ -295,7 +294,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
                 of_joint[hand] = shown
     beliefs = {model: of_model for model, of_model in beliefs.items() if of_model}
     if not beliefs:
-        raise NoDataError(tr("no hand of this study has a joint"))
+        raise NoDataError(tr("no joint was solved in any hand of this study"))
     joints = joints_in_order(results, {joint for of_model in beliefs.values() for joint in of_model})
     panels = []
     for names in alike(beliefs):
@@ -309,12 +308,12 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         for kind, (fill, hatch) in _FILLS.items()
     ]
     return print_figure(in_rows(panels, _ACROSS), handles), tr(
-        "Which joints to believe: share of the study's hands [%] in which a joint is to be "
-        "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
-        "nothing contradicts that), with care (to {care} mm, or something is against it), not "
-        "(larger error, contradicted, suspect, or failed), or has no result or no receiver. "
-        "{study_text} Made from all of the model's calibration recordings. Models that agree "
-        "share a panel. A joint that a model does not have has no bar.",
+        "Which joints can be believed: percentage of the study's hands in which a joint can be believed (the "
+        "error of its centre is at most {wanted} mm, 1 sigma in three dimensions, and nothing contradicts "
+        "it), needs care (at most {care} mm, or there is a reason for doubt), cannot be believed (larger "
+        "error, contradicted, suspect, or failed), or has no result or no receiver. {study_text} Skeletons "
+        "were made from all calibration recordings. Models with equal results share a panel. A joint that a "
+        "model does not have has no bar.",
         wanted=wanted_text(results.layouts.values()),
         care=wanted_text(results.layouts.values(), CARE_TIMES),
         study_text=study_text(results),
@@ -377,12 +376,12 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
     if movement.ranges.empty:
         if movement.measured:
             raise NoDataError(
-                tr("every hand with joint angles has a suspect finding and is left out of all statistics")
+                tr("all hands with joint angles have suspect findings and are left out of all statistics")
             )
         raise NoDataError(tr("no recording of this study has joint angles"))
     return print_figure(list(range_panels(movement).values())), tr(
-        "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg], task by task. {study_text} "
-        "Model {model}. A dot is a subject, the mean over trials, sessions and hands; mark: median; bar: "
+        "Range of motion (2.5th to 97.5th percentile) of each joint angle [deg], task by task. {study_text} "
+        "Model {model}. Each dot is a subject (mean over trials, sessions and hands); mark: median; bar: "
         "quartiles. Hands with a suspect finding are left out.",
         study_text=study_text(results),
         model=movement.model,
@@ -427,9 +426,9 @@ def study_cycles(
     ]
     looks = group_looks(dict.fromkeys(groups.values()))
     return print_figure(rows, legend_handles(looks.values())), tr(
-        "Flexion over the cycle, task by task ({tasks}): mean over subjects of each subject’s own mean cycle "
-        "[deg], at every percent of the cycle; n subjects of every line, in the legend’s order. Shade: one "
-        "standard deviation over subjects to either side. {study_text} Model {model}. Hands with a suspect "
+        "Flexion over the cycle, task by task ({tasks}): mean over subjects of each subject’s mean cycle "
+        "[deg], at each percent of the cycle; n: number of subjects of each line, in the legend’s order. "
+        "Shaded: ± one standard deviation over subjects. {study_text} Model {model}. Hands with a suspect "
         "finding are left out.",
         tasks="; ".join(of_tasks),
         study_text=study_text(results),
@@ -438,8 +437,8 @@ def study_cycles(
 
 
 NO_CYCLES = N_(
-    "no angle is averaged over cycles, for no recording of a task has cycles that can be used; they begin at "
-    "events, which the study’s sheet of events lists"
+    "no angles are averaged over cycles, because no recording has usable cycles; cycles start at events, "
+    "which the study’s events sheet lists"
 )
 
 
@@ -469,9 +468,9 @@ def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tupl
         reasons = [f"{factor.name}: {factor.reason}" for factor in factors]
         raise NoDataError("; ".join(reasons) or tr("the study file names no factors"))
     return print_figure(in_rows(panels, 2)), tr(
-        "Levels of the study's factors: the numbers that the study file names, and those that differ most. "
-        "{study_text} Model {model}. A dot is a subject, the mean over trials and sessions; where subjects "
-        "have both levels a line goes through their dots; mark: mean. Tests are in movement_differences.",
+        "Levels of the study's factors compared: the quantities that the study file lists, and those that "
+        "differ most. {study_text} Model {model}. Each dot is a subject (mean over trials and sessions); a "
+        "line joins the dots of a subject with both levels; mark: mean. Tests: table movement_differences.",
         study_text=study_text(results),
         model=movement.model,
     )

@@ -50,7 +50,7 @@ def recording_page(results: RecordingResults) -> str:
     if row.get("duration_s") is not None:
         facts.append(f"{number(row['duration_s'])} s")
     if row.get("valid_percent") is not None:
-        facts.append(tr("{valid} % of the poses may be used", valid=number(row["valid_percent"], 1)))
+        facts.append(tr("{valid} % of the poses are valid", valid=number(row["valid_percent"], 1)))
     blocks = [
         NumberBlock(f"{name}{i}", ANGLE_STEP_DEG, values)
         for i, each in enumerate(angles)

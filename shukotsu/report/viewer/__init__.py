@@ -98,7 +98,7 @@ def view_of(
     if not np.isfinite(motion.time_s).any():
         remarks.append(
             tr(
-                "The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a second.",
+                "The recording has no device time; it is shown at {NOMINAL_HZ:g} frames per second.",
                 NOMINAL_HZ=NOMINAL_HZ,
             )
         )

@@ -92,7 +92,7 @@ def test_without_a_truth_fitted_and_replayed_hands_have_separate_panels(twelve: 
     assert "replay" in replay.get_xlabel()
     assert names_of(replay) == list(FITTED_MODELS)[::-1]
     assert names_of(left_out) == ["whole-hand", "prior-only"]
-    assert "not where they are" in caption
+    assert "not where the joint is" in caption
 
 
 def test_drawn_joint_errors_and_stated_errors_equal_the_table(twelve: StudyResults) -> None:
@@ -226,7 +226,7 @@ def test_drawn_cycle_curves_equal_the_table_with_their_sd(study: MadeStudy, reco
 
 def test_the_figure_of_a_recording_without_cycles_states_the_reason(study: MadeStudy) -> None:
     left = find_recording(study.results, "S01", "left", "opposition")
-    with pytest.raises(NoDataError, match="No event begins a cycle in this recording"):
+    with pytest.raises(NoDataError, match="No event starts a cycle in this recording"):
         recording_cycles(study.results, left, "whole-hand")
     assert [each.name for each in of_recording(study.results, left)][-2:] == [
         "cycle-curves_whole-hand", "cycle-curves_whole-hand-b"

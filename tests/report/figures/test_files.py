@@ -76,7 +76,7 @@ def drawings(twelve: StudyResults, fitted_study: MadeStudy) -> dict[str, Drawing
 @pytest.mark.parametrize(
     ("name", "labels"),
     [
-        ("models", ("Joint against the truth [mm]", "n = 12 subjects, held out", "whole-hand", "a")),
+        ("models", ("True joint error [mm]", "n = 12 subjects, held out", "whole-hand", "a")),
         ("joint-trust", ("Hands [%]", "ring_dip")),
     ],
 )

@@ -130,7 +130,7 @@ def test_a_far_joint_is_named_and_does_not_shrink_the_picture() -> None:
     points_mm[1, 0] = 500.0
     near, far = hand(motion()), hand(motion(points_mm=points_mm))
     assert far.height_mm - near.height_mm < 4.0, "only by a line of text"
-    assert ">Not in the picture: ring_dip.</text>" in page_picture(far)
+    assert ">Not shown: ring_dip.</text>" in page_picture(far)
     assert "var(--no)" not in page_picture(far)
 
 

@@ -186,7 +186,7 @@ def test_without_webgl_the_plots_play_below_a_still_picture(browser: Browser, pa
     del browser  # the fixture ends the driver
     with chromium("--disable-gpu", "--disable-3d-apis") as blind, watched(blind) as page:
         show(page, path)
-        page.wait("document.body.innerText.includes('The hand does not move here')")
+        page.wait("document.body.innerText.includes('The hand cannot be shown in motion')")
         still_hand(page)
         assert page.page.locator(".viewer-stage").is_hidden()
         plays_to(page, 30)
@@ -202,7 +202,7 @@ def test_without_scripts_the_page_states_what_is_needed(browser: Browser, path: 
     with watched(browser, java_script_enabled=False) as page:
         page.open(path)
         still_hand(page)
-        assert "where the browser runs scripts" in page.page.locator(".viewer-lacking").inner_text()
+        assert "needs a browser with JavaScript" in page.page.locator(".viewer-lacking").inner_text()
         assert not page.page.locator("form").first.is_visible()
         assert page.page.locator(".plots-still-note").is_visible()
         assert page.page.locator(ERRORS).is_hidden()

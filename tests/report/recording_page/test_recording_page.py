@@ -66,7 +66,7 @@ def test_a_model_without_results_is_left_out_with_the_reason(study: MadeStudy) -
     page = recording_page(replace(results, left_out={"rigid": "no hand <was> fitted"}))
     text = text_of(page)
     assert "rigid: no hand <was> fitted" in text
-    assert "Only models that fit the whole hand state joint angles" in text
+    assert "Joint angles are computed only by models that fit the whole hand" in text
     assert 'data-plot="angles"' not in page
 
 
@@ -88,4 +88,4 @@ def test_cycle_curves_are_shown_or_the_reason_for_their_absence(study: MadeStudy
     assert section.count("<svg viewBox") == 9 + 3, "the joints of the table, and the legend's three angles"
     assert "index_pip, n = 2–3" in section
     left = text_of(recording_page(study.recording_results("S01", "left")))
-    assert "No event begins a cycle in this recording" in left
+    assert "No event starts a cycle in this recording" in left

@@ -125,7 +125,7 @@ def seeking_moves_the_hand_the_slider_and_the_text(page: WatchedPage) -> None:
     assert page.page.locator("[data-part=where]").text_content() == "frame 201, 0.833 s"
     assert slider.get_attribute("aria-valuetext") == "frame 201, 0.833 s"
     slider.fill("100")
-    for name, index in (("+1, one frame on", 101), ("−1, one frame back", 100)):
+    for name, index in (("+1, one frame forward", 101), ("−1, one frame back", 100)):
         page.page.get_by_role("button", name=name).click()
         assert page.value(f"{VIEWER}.index") == index
 
@@ -199,8 +199,8 @@ def test_a_browser_that_cannot_unpack_the_motion_shows_a_still_picture(browser: 
     with watched(browser) as page:
         page.page.add_init_script("delete window.DecompressionStream")
         page.open(file)
-        page.wait("document.body.innerText.includes('The hand does not move here')")
+        page.wait("document.body.innerText.includes('The hand cannot be shown in motion')")
         assert page.page.locator(".viewer-still > svg").is_visible()
         assert not page.page.locator("form").is_visible()
         assert "whole-hand, frame" in page.page.locator(".viewer-still p").inner_text()
-        assert "where the browser runs scripts" not in page.page.locator(".viewer-lacking").inner_text()
+        assert "needs a browser with JavaScript" not in page.page.locator(".viewer-lacking").inner_text()
