@@ -218,7 +218,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, ReceiversRow]:
         row |= vector_columns("field_", source_mm, "_mm")
         position = ", ".join(f"{coordinate:.0f}" for coordinate in source_mm.tolist())
         message = (
-            f"the field is disturbed near ({position}) mm, as by metal: this receiver's error there is "
+            f"the field is disturbed near ({position}) mm, probably by metal: this receiver's error there is "
             f"{row['loose_shift_mm']:.1f} mm and {row['loose_turn_deg']:.0f} deg; {_left_out(row)}"
         )
         columns[segment] = row | {"status": "weak", "message": message}

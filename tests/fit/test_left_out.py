@@ -90,5 +90,5 @@ def test_receiver_rows_report_displacements_and_the_frames_left_out() -> None:
     np.testing.assert_allclose([row[f"field_{axis}_mm"] for axis in "xyz"], tip_mm)
     where = ", ".join(f"{value:.0f}" for value in tip_mm)
     assert row["message"].startswith(
-        f"the field is disturbed near ({where}) mm, as by metal: this receiver's error there is 6.0"
+        f"the field is disturbed near ({where}) mm, probably by metal: this receiver's error there is 6.0"
     )
