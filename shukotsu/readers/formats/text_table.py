@@ -276,7 +276,9 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     if not records:
         raise InputError(f"{path}: is empty; expected a table")
     rows = [record for _, record in records]
-    n_names = 1 + len(list(itertools.takewhile(has_names, rows[1:]))) if details["header"] else 0
+    missing = tuple(map(str.strip, details["missing"]))
+    more = itertools.takewhile(lambda row: has_names(row, missing), rows[1:])
+    n_names = 1 + len(list(more)) if details["header"] else 0
     names = join_names(rows[:n_names]) if n_names else [""] * len(rows[0])
     width = len(rows[min(n_names, len(rows) - 1)])
     # either the header or the other rows may end in a separator
@@ -292,15 +294,18 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         _titles(names),
         records[n_names - 1][0] if n_names else 0,
         expected,
-        tuple(map(str.strip, details["missing"])),
+        missing,
         details["decimal"],
         ended=ended or data.endswith(b"\n"),
     )
 
 
-def has_names(row: Sequence[str]) -> bool:
-    """Return whether a row has words and no numbers, like lines of column names or units."""
-    words = [cell for cell in map(str.strip, row) if not _NO_NAME.fullmatch(cell)]
+def has_names(row: Sequence[str], missing: Sequence[str] = ()) -> bool:
+    """Return whether a row has words and no numbers, like lines of column names or units.
+
+    missing : additional texts that mean "no value".
+    """
+    words = [cell for cell in map(str.strip, row) if cell not in missing and not _NO_NAME.fullmatch(cell)]
     return bool(words) and not any(map(_NUMBER_LIKE.match, words))
 
 
