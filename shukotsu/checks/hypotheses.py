@@ -107,7 +107,7 @@ class Recorded:
 
 def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
     """Return all mistakes to be tested on the poses of the motion."""
-    mistakes = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
+    mistakes = [*_orders(recorded), *_angles(recorded), *_units(recorded.declared), *_axes(recorded)]
     mistakes += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
         hand = {"hand": "left" if recorded.hand == "right" else "right", "hand_2": recorded.hand}
@@ -189,45 +189,38 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
 
 
-def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
+def _angles(recorded: Recorded) -> Iterator[Hypothesis]:
+    """Yield mistakes in Euler angles and rotation vectors: another order of axes, and radians as degrees."""
     declared = recorded.declared.axes
-    if recorded.declared.kind == "rotation-vector":
-        undo = _undo_quaternion_change(recorded, _undo_vector_unit)
-        yield Hypothesis("units", undo, "radians")
-    if not declared:
+    if not declared and recorded.declared.kind != "rotation-vector":
         return
-    for variant, true, axes in (
-        *(("axes", true, true) for true in map("".join, permutations("XYZ")) if true != declared),
-        ("fixed", declared[::-1], declared.lower()),
-    ):
+    orders = [("axes", true, true) for true in map("".join, permutations("XYZ")) if true != declared]
+    orders.append(("fixed", declared[::-1], declared.lower()))
+    for variant, true, axes in orders if declared else ():
         undo = _undo_quaternion_change(recorded, _undo_angle_order(declared, axes))
         yield Hypothesis("euler-order", undo, variant, {"read": declared, "true": true})
     undo = _undo_quaternion_change(recorded, _undo_angle_order(declared, declared, 180 / np.pi))
     yield Hypothesis("units", undo, "radians")
 
 
-def _undo_vector_unit(quaternion: Array) -> Array:
-    """Multiply rotation vectors in radians that were read as degrees."""
-    from scipy.spatial.transform import Rotation  # slow import, needed only for files with angles
-
-    read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
-    again = Rotation.from_rotvec(180 / np.pi * read.as_rotvec())
-    return np.asarray(again.as_quat(scalar_first=True).reshape(quaternion.shape))
-
-
 def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:
     """Return a function that decomposes rotations into angles about the declared axes and recomposes them.
 
-    true : axes for composition, in scipy's notation: lower case for fixed axes. factor : of the angles.
+    declared : axes, or "" for rotation vectors. true : axes for composition, in scipy's notation: lower case
+    for fixed axes. factor : of the angles.
     """
 
     def change(quaternion: Array) -> Array:
         from scipy.spatial.transform import Rotation  # slow import, needed only for files with angles
 
         read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
-        with warnings.catch_warnings(action="ignore"):  # in gimbal lock only a sum of angles is determined
-            angles = factor * read.as_euler(declared)
-        again = Rotation.from_euler(true, angles)
+        if declared:
+            with warnings.catch_warnings(
+                action="ignore"
+            ):  # in gimbal lock only a sum of angles is determined
+                again = Rotation.from_euler(true, factor * read.as_euler(declared))
+        else:
+            again = Rotation.from_rotvec(factor * read.as_rotvec())
         return np.asarray(again.as_quat(scalar_first=True).reshape(quaternion.shape))
 
     return change

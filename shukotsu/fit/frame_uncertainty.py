@@ -286,10 +286,10 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
         rows = usable[group.reshape(-1) == number]
         states = posed.angles_rad[rows]
         few = rows[spread_frames(states, max(1, round(POSTURES * len(rows) / len(usable))))[0]]
-        chosen_states = posed.angles_rad[few]
-        apart = (states**2).sum(1)[:, None] + (chosen_states**2).sum(1) - 2 * states @ chosen_states.T
-        nearest[:, rows] = len(chosen) + apart.argmin(1)
+        nearest[:, rows] = len(chosen)
         if len(few) > 1:
+            chosen_states = posed.angles_rad[few]
+            apart = (states**2).sum(1)[:, None] + (chosen_states**2).sum(1) - 2 * states @ chosen_states.T
             two = np.argpartition(apart, 1, axis=1)[:, :2]
             squares = np.maximum(np.take_along_axis(apart, two, 1), 0.0)
             nearest[:, rows] = len(chosen) + two.T

@@ -211,9 +211,9 @@ def describe_table(path: Path, layout: Layout) -> Description:
             drafts.append((number, description.draft))
             lines += [f"  {line}" for line in description.lines]
         except InputError as error:
+            if number == len(tables) and not drafts:
+                raise
             lines.append(f"  {error}")
-    if not drafts:
-        return _describe(path, layout, detect_form(path, tables[0]))
     number, drafted = max(drafts, key=lambda each: ("\norientation:" in each[1], -each[0]))
     lines.append(f"the mapping is for table {number}; csv.table in it states which")
     return Description(tuple(lines), drafted)
@@ -409,9 +409,7 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
         if all(map(by_azimuth, groups)):
             config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
             rotates = (FORWARD, "as azimuth, elevation and roll of Polhemus trackers and the trakSTAR")
-        elif not any(map(by_azimuth, groups)) and all(
-            re.search(r"^r|[\W_]r", title, re.I) for title in groups[0]
-        ):
+        elif all(re.search(r"(^|[\W_])r[xyz](?![a-z])", title, re.I) for title in groups[0]):
             config["kind"] = (
                 CHECK,
                 "euler, or rotation-vector, as Vicon Nexus writes segments: then delete axes",

@@ -192,6 +192,12 @@ def test_a_table_that_contradicts_its_mapping_is_refused(
     refuse(tmp_path, text, changed(WIDE, csv), message)
 
 
+def test_a_first_row_of_missing_marks_is_a_gap_and_not_names(tmp_path: Path) -> None:
+    lost = ",".join(["lost"] * 13) + "\n"
+    samples = read(tmp_path, HEADER + lost + ROWS, WIDE | {"csv": {"missing": ["lost"]}})
+    np.testing.assert_array_equal(samples.numbers[of(samples, "hand"), 0], [np.nan, 40, 40])
+
+
 def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:
     read(tmp_path, HEADER + ROWS, changed(WIDE, rate_hz=240))
     refuse(
