@@ -297,8 +297,8 @@ def _damage(survey: Survey) -> Iterator[str]:
     if survey.skipped:
         _, sizes, frames = np.array(survey.skipped).T
         yield (
-            f"{sizes.sum()} bytes at {len(sizes)} places were no record and were skipped "
-            f"(at {_places(survey, frames)})"
+            f"{count_of(int(sizes.sum()), 'byte', 'are')} not part of a record and left out, at "
+            f"{count_of(len(sizes), 'place')} ({_places(survey, frames)})"
         )
     for sightings, what in (
         (survey.doubtful, "have impossible numbers"),
