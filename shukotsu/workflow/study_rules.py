@@ -76,6 +76,10 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         raise KeyboardInterrupt
 
     def start(_: Any) -> None:
+        if workflow.local_exec:
+            # Its limit of 100 jobs per second is of no use on one machine, and leaves one timer per finished
+            # job, each of which looks through all ready jobs every second.
+            workflow.scheduler.job_rate_limiter = None
         signal.signal(signal.SIGTERM, end)  # Snakemake's own may wait for a lock forever
         one_run.refuse(workflow, study.results.folder)
         with one_run.ending_in_a_sentence():
