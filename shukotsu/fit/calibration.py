@@ -142,20 +142,17 @@ def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
     partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
     if not partner or not _fitting(plan, part).share_lengths:
         return [], ""
-    for hand in (partner, part.hand):
-        if doubted := plan.doubted(hand):
-            why = f"there is a finding on the {hand} hand's {doubted}"
-            return [], f"fitted without the {partner} hand's bone lengths: {why}"
-    recorded = [
-        plan.poses(recording)
-        for recording in plan.recordings
-        if recording.hand.hand == partner and not recording.exclude
+    reasons = [
+        f"there is a finding on the {hand} hand's {plan.doubted(hand)}"
+        for hand in (partner, part.hand)
+        if plan.doubted(hand)
     ]
-    if reasons := usable_poses(recorded)[1]:
+    if not reasons:
+        recorded = [r for r in plan.recordings if r.hand.hand == partner and not r.exclude]
+        reasons = usable_poses([plan.poses(r) for r in recorded])[1]
+    if reasons:
         return [], f"fitted without the {partner} hand's bone lengths: {reasons[0]}"
-    return [
-        plan.poses(recording) for recording in plan.calibrating(partner, part.model, part.made_without)
-    ], ""
+    return [plan.poses(r) for r in plan.calibrating(partner, part.model, part.made_without)], ""
 
 
 def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:

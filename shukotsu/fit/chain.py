@@ -358,12 +358,12 @@ class _Joint:
         second: Array | None,
     ) -> None:
         self.name, self.rest, self.flexion, self.axis = joint, rest, flexion, axis
+        self.held: list[Step] = []
+        self.at_rest: list[Step] = [Turn(rest)]
         self.others: tuple[int, int] | None = None
         self.ratio: int | None = None
         self.lags: tuple[int, int] | None = None
         self.abducts: int | None = None
-        self.bent = Amount(0.0, ())
-        self.lean = Amount(0.0, ())
         self.skew: Amount | None = None
         self.slides: tuple[int, ...] = ()
         if flexion is None:
@@ -376,20 +376,17 @@ class _Joint:
         if not builder.layout.segments[declared.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
             if self.moves:
-                self.bent = free(0.0, PRIOR.PALM_HELD_SD_RAD, "palm held", joint)
+                self.held.append(about(axis, free(0.0, PRIOR.PALM_HELD_SD_RAD, "palm held", joint)))
             return
-        abduction, axial = (
-            (PRIOR.HINGE_DEG,) * 2 if declared.dof == 1 else (PRIOR.ABDUCTION_DEG, PRIOR.AXIAL_DEG)
-        )
-        self.others = (
-            builder.states.add(joint, KINDS[1], *abduction),
-            builder.states.add(joint, KINDS[2], *axial),
-        )
+        add = builder.states.add
         if declared.dof == 1:
-            self.lean = free(0.0, PRIOR.LEAN_SD_RAD, "lean", joint)
+            self.others = add(joint, KINDS[1], *PRIOR.HINGE_DEG), add(joint, KINDS[2], *PRIOR.HINGE_DEG)
+            self.at_rest.append(about(Z, free(0.0, PRIOR.LEAN_SD_RAD, "lean", joint)))
+            self.slide_sd_mm = PRIOR.HINGE_SLIDE_SD_MM
         else:
+            self.others = add(joint, KINDS[1], *PRIOR.ABDUCTION_DEG), add(joint, KINDS[2], *PRIOR.AXIAL_DEG)
             self.abducts = self.others[0]
-        self.slide_sd_mm = PRIOR.HINGE_SLIDE_SD_MM if declared.dof == 1 else PRIOR.JOINT_SLIDE_SD_MM
+            self.slide_sd_mm = PRIOR.JOINT_SLIDE_SD_MM
         self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
         if second is not None:
@@ -411,19 +408,15 @@ class _Joint:
 
     def steps(self, *, lagging: bool = False) -> list[Step]:
         """Lay out the operations from the parent's frame at the joint's centre to the child's frame."""
-        rest: list[Step] = [Turn(self.rest)]
         if self.flexion is None:
-            return rest
-        if self.lean.parts:
-            rest.append(about(Z, self.lean))
+            return self.at_rest
         steps: list[Step] = [
             Operation(False, axis, 0.0, (Term(self.slide_sd_mm, unknown, self.flexion),))
             for axis, unknown in zip(np.eye(3), self.slides, strict=False)
         ]
         mark = [] if lagging or not self.moves else [Mark(axis_frame(self.name))]
         turn = by_state(self.axis, self.flexion, self._lag(self.flexion, lagging))
-        held = [about(self.axis, self.bent)] if self.bent.parts else []
-        flex = tilt_steps(across_of(self.axis), self.tilts, [*mark, *held, turn])
+        flex = tilt_steps(across_of(self.axis), self.tilts, [*mark, *self.held, turn])
         if self.ratio is not None:
             pronation = (
                 Term(PRIOR.PRO_SUPINATION, None, self.flexion),
@@ -431,16 +424,16 @@ class _Joint:
             )
             flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
         if self.others is None:
-            return [*steps, *flex, *rest]
+            return [*steps, *flex, *self.at_rest]
         abduction, axial = self.others
         abduct: list[Step] = [by_state(self.second, abduction, self._lag(abduction, lagging))]
         roll = by_state(self.rest[:, 0], axial, self._lag(axial, lagging))
         if self.skew is None:
-            return [*steps, *flex, *abduct, roll, *rest]
+            return [*steps, *flex, *abduct, roll, *self.at_rest]
         back = along(self.skew_axis, self.skew.times(-0.5))
         abduct = tilt_steps(across_of(self.second), self.second_tilts, abduct)
         across = along(self.skew_axis, self.skew)
-        return [*steps, back, *abduct, across, *flex, roll, back, *rest]
+        return [*steps, back, *abduct, across, *flex, roll, back, *self.at_rest]
 
     def _lag(self, state: int, lagging: bool) -> tuple[Term, ...]:
         """Return the terms by which the receiver's position lags behind a joint angle."""

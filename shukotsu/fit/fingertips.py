@@ -238,10 +238,8 @@ def seen_parts(fit: SolvedFit, x: Array, offsets_mm: Array) -> dict[tuple[str, s
             by_offset = np.zeros((3, *offsets_mm.shape))
             if k:
                 by_offset[:, i, k - 1] = to_receiver @ worn.R.T @ last.R
-            seen[digit.name, part] = (
-                to_receiver @ point,
-                np.hstack([to_receiver @ moved, by_offset.reshape(3, -1)]),
-            )
+            by_all = np.hstack([to_receiver @ moved, by_offset.reshape(3, -1)])
+            seen[digit.name, part] = to_receiver @ point, by_all
     return seen
 
 

@@ -59,6 +59,11 @@ PSEUDO_RESIDUALS = 0.2
 """Weight of the published scales, in equivalent numbers of determined unknowns and of residuals. Two unknowns
 correspond to a scale whose logarithm has an sd of a half between people."""
 
+RESIDUAL_SD = (0.5, float(np.radians(0.6)))
+"""Published sd of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin
+motion that does not follow the joint angles (even two LIBERTY sensors on a rigid bar differ by 0.3 to 0.55 mm
+and 0.3 to 0.45 deg)."""
+
 LEAST_SAMPLES = 5.0
 _LEAST_SEEN, _NO_MOTION = 5, 1e-12
 
@@ -134,7 +139,7 @@ def independent_samples(problem: Problem, current: Residuals) -> float:
 
 
 def residual_sd(
-    problem: Problem, current: Residuals, jacobians: Sequence[Jacobian], reduced: Reduced, published: Array
+    problem: Problem, current: Residuals, jacobians: Sequence[Jacobian], reduced: Reduced
 ) -> Array:
     """Estimate the sd of every receiver's residuals (docs/whole-hand.md, section 5).
 
@@ -151,8 +156,6 @@ def residual_sd(
         Derivatives of every branch at the solution.
     reduced : Reduced
         Normal equations at the solution, undamped.
-    published : array, shape (S, 2)
-        Published sd, mm and rad.
 
     Returns
     -------
@@ -160,7 +163,7 @@ def residual_sd(
         Sd, mm and rad per component; the published sd for receivers that were never valid.
 
     """
-    out = published.copy()
+    out = np.array([RESIDUAL_SD] * len(problem.sd))
     for index, ((r, weight, _), jacobian) in enumerate(zip(current.branches, jacobians, strict=True)):
         eliminated = reduced.eliminated[index]
         states = jacobian.by_states @ eliminated.inverse.swapaxes(-1, -2)
@@ -174,18 +177,13 @@ def residual_sd(
             for kind in (0, 1):  # position, then rotation
                 rows = slice(3 * kind, 3 * kind + 3)
                 squares = float((weight[i, :, None] * r[i, :, rows] ** 2)[ok].sum())
-                squares *= (problem.sd[s, kind] / published[s, kind]) ** 2
+                squares *= (problem.sd[s, kind] / RESIDUAL_SD[kind]) ** 2
                 left = max(0.0, float((1 - leverage.reshape(len(ok), -1, 6)[:, i, rows])[ok].sum()))
                 share = (squares + pseudo * expected) / (left + pseudo)
-                out[s, kind] = published[s, kind] * np.clip(np.sqrt(share), *SD_LIMITS)
+                out[s, kind] = RESIDUAL_SD[kind] * np.clip(np.sqrt(share), *SD_LIMITS)
                 expected, pseudo = share, PSEUDO_TURNS
     return out
 
-
-RESIDUAL_SD = (0.5, float(np.radians(0.6)))
-"""Published sd of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin
-motion that does not follow the joint angles (even two LIBERTY sensors on a rigid bar differ by 0.3 to 0.55 mm
-and 0.3 to 0.45 deg)."""
 
 INDEPENDENT_SAMPLES = 30.0
 """Number of independent samples assumed at first: a calibration of half a minute, in which skin motion is
@@ -396,8 +394,7 @@ def _solve_scales(
     problem: Problem, model: HandModel, everything: Frames, settings: FitSettings
 ) -> tuple[Problem, Solution]:
     """Alternate between solving and estimating the scales; return the last problem and solution."""
-    published_sd, measured = problem.sd, problem.observations
-    average = np.zeros(len(problem.precision))
+    measured, average = problem.observations, np.zeros(len(problem.precision))
     start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
     closeness = [NEARLY] * settings.rounds + [CLOSE]
     solution = solve(problem, start, settings.most_steps, closeness[0])
@@ -412,7 +409,7 @@ def _solve_scales(
         reduced = steps.frames_first()
         covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
         precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
-        sd = residual_sd(problem, solution.residuals, steps.jacobians(), reduced, published_sd)
+        sd = residual_sd(problem, solution.residuals, steps.jacobians(), reduced)
         held = measured.plus(side_by_side(model, point.x))
         problem = replace(problem, sd=sd, precision=precision, observations=held)
         solution = solve(problem, point, settings.most_steps, close)
@@ -517,22 +514,17 @@ def without_noise_bias(problem: Problem, point: Point) -> Point:
         The corrected hand, with its frames posed again.
 
     """
-    rng, shape = np.random.default_rng(0), (*problem.frames.valid.shape, 3)
-    noise = rng.normal(size=(2, *shape))
-    root = np.sqrt(problem.precision)
-    rows = problem.observations.rows
-    held = Observations(
-        np.concatenate([rows, np.diag(root)]), np.concatenate([rows @ point.x, root * point.x])
-    )
+    noise = np.random.default_rng(0).normal(size=(2, *problem.frames.valid.shape, 3))
+    root, rows = np.sqrt(problem.precision), problem.observations.rows
+    held = Observations(rows, rows @ point.x).plus(Observations(np.diag(root), root * point.x))
     again = replace(problem, observations=held, precision=np.full(len(root), NO_PRECISION))
     fitted, solved_x = residuals(problem, point).branches, []
-    for sign in (1.0, -1.0):
+    for shift, turn in (noise, -noise):
         rotation, position = problem.frames.rotation.copy(), problem.frames.position_mm.copy()
         for receivers, (_, _, reached) in zip(problem.receivers, fitted, strict=True):
             for mark, s in receivers:
-                turned = problem.sd[s, 1] * (sign * noise)[1, :, s]
-                rotation[:, s] = reached.rotation[mark] @ exp_rotation(turned)
-                position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * (sign * noise)[0, :, s]
+                rotation[:, s] = reached.rotation[mark] @ exp_rotation(problem.sd[s, 1] * turn[:, s])
+                position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * shift[:, s]
         if problem.field is not None:
             rotation = problem.field.turn(position, point.x) @ rotation
         frames = Frames(rotation, position, problem.frames.valid)

@@ -144,33 +144,29 @@ def posed_errors(
 
     """
     chosen, nearest, second_share = _postures(posed, frames.valid)
+    blocks = np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
     few = _join_errors(
-        [
-            _errors(Postures.of(tips, posed_frames(posed, rows)), frames.take(rows))
-            for rows in np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
-        ]
+        [_errors(Postures.of(tips, posed_frames(posed, rows)), frames.take(rows)) for rows in blocks]
     )
-
     if not reference_deg:
         share = np.bincount(nearest[0, posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
         reference_deg = {
             joint: np.tensordot(share, by_hand_deg, 1) for joint, by_hand_deg in few.by_hand_deg.items()
         }
     neutral_deg = _neutral_sd_deg(tips)
-    changes_deg = {}  # the frame's error, and the hand's as far as it differs from the reference's
-    for joint, by_hand in few.by_hand_deg.items():
-        of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
-        changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
-        changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + changed))
     fit = tips.fit
     put_on = np.isin(fit.model.unknowns.groups, PUT_ON)
     root = tips.root[: len(fit.posterior.x)]
     anew = new_in_a_session(root, fit.problem.precision, put_on, _NEW_SHARE)
-    in_session = {joint: _times(by_hand_deg, anew) for joint, by_hand_deg in few.by_hand_deg.items()}
-    session_deg = {joint: _norms(by_hand_deg) for joint, by_hand_deg in in_session.items()}
-    session_changes_deg = {
-        joint: _norms(by_hand_deg - reference_deg[joint] @ anew) for joint, by_hand_deg in in_session.items()
-    }
+    changes_deg, session_deg, session_changes_deg = (dict[str, Array]() for _ in range(3))
+    for joint, by_hand in few.by_hand_deg.items():
+        # a change has the frame's error, and the hand's as far as it differs from the reference's
+        of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
+        changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
+        changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + changed))
+        in_session = _times(by_hand, anew)
+        session_deg[joint] = _norms(in_session)
+        session_changes_deg[joint] = _norms(in_session - reference_deg[joint] @ anew)
 
     def of_all(values: Array) -> Array:
         out = np.full((len(posed.posed), *values.shape[1:]), np.nan)
@@ -423,10 +419,8 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
     d_root = np.zeros((n_frames, 6, n_numbers))
     d_root[:, :, by_hand] = -back @ _times(reduced.root_by_x, dx)
     d_root[:, :, of_root] = back
-    states, moved = (
-        np.zeros((n_frames, n_states, n_numbers)),
-        np.zeros((n_frames, len(postures.posed.bones), 6, n_numbers)),
-    )
+    states = np.zeros((n_frames, n_states, n_numbers))
+    moved = np.zeros((n_frames, len(postures.posed.bones), 6, n_numbers))
     moved[:, 0] = _by_root(point, np.zeros_like(point.root_mm)) @ d_root
     for branch, part, of_branch in zip(problem.branches, reduced.eliminated, postures.bones, strict=True):
         inner, of_x = part.inverse.swapaxes(-1, -2), dx[branch.unknowns]
@@ -521,10 +515,8 @@ def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part
     """Return the error map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (part 1)."""
     last = posed.bones.index(digit.tip)
     n_x = len(tips.fit.posterior.x)
-    end, moved = (
-        np.array([tips.fit.bones[digit.tip].length_mm, 0.0, 0.0]),
-        np.zeros((3, len(spread.unknowns))),
-    )
+    end = np.array([tips.fit.bones[digit.tip].length_mm, 0.0, 0.0])
+    moved = np.zeros((3, len(spread.unknowns)))
     moved[0, :n_x] = tips.fit.model.length[digit.tip].row(n_x)
     if part:
         number = list(tips.digits).index(digit.name)

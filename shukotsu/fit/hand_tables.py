@@ -7,6 +7,7 @@ On paper: docs/whole-hand.md, section 8.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -148,7 +149,7 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
     """
     fit = tips.fit
     rows: list[ReceiversRow] = []
-    digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
+    tip_of = {tip.receiver: (digit, tip) for digit, tip in tips.digits.items()}
     displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
     for segment in fit.model.receivers:
         residual_mm, residual_deg = fit.residual_rms[segment]
@@ -160,9 +161,8 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[ReceiversRow]:
         if not np.isfinite(residual_mm):
             row |= {"status": "failed", "message": "no valid pose in the calibration"}
         row |= displaced.get(segment, {})
-        digit = digit_of.get(segment)
-        if digit is not None:
-            tip = tips[digit]
+        if segment in tip_of:
+            digit, tip = tip_of[segment]
             for name, point, covariance in (
                 ("bone_tip", tip.point_mm, tip.covariance_mm2),
                 ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
@@ -248,20 +248,18 @@ def moved_rows(
     rows: list[MovedReceiversRow] = []
     for segment in dict.fromkeys(receiver.segment for receiver in moved):
         moves = [receiver for receiver in moved if receiver.segment == segment]
-        start, step = moves[0].start, np.sum([move.step for move in moves], axis=0)
-        joints, digits = joints_beside(layout, segment), digits_carried(layout, segment)
-        mm, deg = float(np.linalg.norm(step[:3])), float(np.degrees(np.linalg.norm(step[3:])))
+        whole = replace(moves[0], step=np.sum([move.step for move in moves], axis=0))
         rows.append(
             {
                 "task": name.task,
                 "trial": name.trial,
                 "segment": segment,
-                "from_frame": start.frame,
-                "from_s": start.time_s,
-                "shift_mm": mm,
-                "turn_deg": deg,
-                "joints": ";".join(joints),
-                "digits": ";".join(digits),
+                "from_frame": whole.start.frame,
+                "from_s": whole.start.time_s,
+                "shift_mm": whole.shift_mm,
+                "turn_deg": whole.turn_deg,
+                "joints": ";".join(joints_beside(layout, segment)),
+                "digits": ";".join(digits_carried(layout, segment)),
             }
         )
     return rows

@@ -115,17 +115,10 @@ def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str,
 
 def is_elsewhere(before: HandFit, after: HandFit) -> bool:
     """Return whether any joint's centre moved by more than its sd, in either receiver's frame."""
-    for name, joint in before.joints.items():
-        other = after.joints.get(name)
-        if other is None:
-            continue
-        sd_mm = np.sqrt(np.diag(other.covariance_mm2).reshape(2, 3).sum(1))
-        moved_mm = np.linalg.norm(
-            [other.parent_mm - joint.parent_mm, other.child_mm - joint.child_mm], axis=1
-        )
-        if (moved_mm > ELSEWHERE_SD * sd_mm).any():
-            return True
-    return False
+    both = [(joint, after.joints[name]) for name, joint in before.joints.items() if name in after.joints]
+    shifts_mm = [(new.parent_mm - old.parent_mm, new.child_mm - old.child_mm) for old, new in both]
+    sds_mm = [np.sqrt(np.diag(new.covariance_mm2).reshape(2, 3).sum(1)) for _, new in both]
+    return bool((np.linalg.norm(shifts_mm, axis=-1) > ELSEWHERE_SD * np.array(sds_mm)).any())
 
 
 def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Disturbance | None) -> dict[str, Array]:

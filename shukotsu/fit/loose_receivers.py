@@ -128,9 +128,7 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
 
     """
     poses = joined_poses(recordings)
-    n_even = min(EVEN_FRAMES, len(poses.frame))
-    rows = np.unique(np.linspace(0, len(poses.frame) - 1, n_even).round().astype(int))
-    problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
+    rows, problem, point = _pose_evenly(fit, poses)
     tested = Tested.of(fit)
     field, gain = likeliest_field(problem, point)
     if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
@@ -166,8 +164,7 @@ def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
     """
     if len(poses.frame) < MOMENTS:
         return []
-    rows = np.unique(np.linspace(0, len(poses.frame) - 1, EVEN_FRAMES).round().astype(int))
-    problem, point = _pose_frames(fit, fit.convention.frames(poses.take(rows)))
+    rows, problem, point = _pose_evenly(fit, poses)
     posterior = fit.posterior
     root = np.linalg.cholesky(np.linalg.inv(posterior.covariance)).T
     calibrated = Observations(root, root @ posterior.x)
@@ -279,14 +276,19 @@ def recording_of_rows(recordings: Sequence[Poses]) -> Index:
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 
-def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
-    """Pose frames with residual sds from momentary scatter, as a loose receiver inflates the fitted sd."""
+def _pose_evenly(fit: HandFit, poses: Poses) -> tuple[Index, Problem, Point]:
+    """Pose evenly spaced frames; return their indices, the problem and its solution.
+
+    Sds of residuals are those of the momentary scatter, as a loose receiver inflates the fitted ones.
+    """
+    rows = np.unique(np.linspace(0, len(poses.frame) - 1, EVEN_FRAMES).round().astype(int))
+    frames = fit.convention.frames(poses.take(rows))
     samples = fit.problem.temper * len(fit.problem.frames.valid)
     temper = min(1.0, samples / len(frames.valid))
     problem = replace(fit.problem, frames=frames, temper=temper)
     point = pose(problem, first_guess(problem, fit.model, fit.posterior.x), _POSING_STEPS)
     problem = replace(problem, sd=_momentary_sd(problem, residuals(problem, point)))
-    return problem, pose(problem, point, _POSING_STEPS)
+    return rows, problem, pose(problem, point, _POSING_STEPS)
 
 
 def _momentary_sd(problem: Problem, current: Residuals) -> Array:
@@ -424,7 +426,7 @@ def _exact_row(
     """Find the row from which a receiver is displaced; rows : (F,) indices of the even frames in poses."""
     first = rows[max(0, displaced.start - _SAME_MOMENT)]
     last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
-    near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
+    near = np.unique(np.linspace(first, last, _DENSE_FRAMES).round().astype(int))
     frames = fit.convention.frames(poses.take(near))
     before, costs = [], []
     for other in others:  # convert moments among the even frames to moments among the near ones

@@ -124,26 +124,6 @@ class FieldDistortion:
             PRIOR.FIELD_TURN_SD_RAD * turn + self._slope(position_mm) @ slopes.reshape(3, 3).T
         )
 
-    def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
-        """Compute rotations as they would be measured without the distortion.
-
-        Parameters
-        ----------
-        rotation : array, shape (..., 3, 3)
-            Measured rotations, receiver to transmitter frame.
-        position_mm : array, shape (..., 3)
-            Positions in the transmitter frame.
-        x : array, shape (G,)
-            The hand's unknowns.
-
-        Returns
-        -------
-        array, shape (..., 3, 3)
-            The rotations without the field's contribution.
-
-        """
-        return np.asarray(self.turn(position_mm, -x) @ rotation)
-
 
 FrameSelection = Index | npt.NDArray[np.bool_] | slice
 
@@ -289,7 +269,7 @@ class Problem:
         """
         if self.field is None:
             return self.frames.rotation
-        return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
+        return np.asarray(self.field.turn(self.frames.position_mm, -x) @ self.frames.rotation)
 
     def residuals_of(self, current: Residuals) -> Iterator[tuple[int, Array]]:
         """Yield the index of each receiver that is fitted, and its residuals (F, 6)."""
@@ -350,14 +330,8 @@ def axial_vector(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
         Vectors, which vanish for half a turn as well as for none.
 
     """
-    return np.stack(
-        [
-            rotation[..., 2, 1] - rotation[..., 1, 2],
-            rotation[..., 0, 2] - rotation[..., 2, 0],
-            rotation[..., 1, 0] - rotation[..., 0, 1],
-        ],
-        -1,
-    )
+    twice = rotation - rotation.swapaxes(-1, -2)
+    return np.stack([twice[..., 2, 1], twice[..., 0, 2], twice[..., 1, 0]], -1)
 
 
 def log_rotation(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:

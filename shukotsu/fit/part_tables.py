@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 from shukotsu.errors import InputError
 from shukotsu.fit.calibration import REFERENCE_FRAMES, CalibratedHand, read_thinned
 from shukotsu.fit.chain_builder import KINDS
-from shukotsu.fit.fingertips import BONE, TIP, Fingertips
+from shukotsu.fit.fingertips import BONE, TIP, Fingertips, tipped_digits
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.fitted_motion import LEAST_RECEIVERS, PosedHand, joint_angles_of, pose_hand
 from shukotsu.fit.frame_uncertainty import PosedErrors, posed_errors
@@ -190,7 +190,6 @@ def posed_blocks(
         poses = replace(recorded, valid=valid)
         # every step-th frame of the whole recording is also posed without the distal receivers
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
-        ends_mm = _ends_mm(tips, posed, poses)
         frames = fit.convention.frames(poses)
         errors = posed_errors(tips, posed, frames, reference_deg)
         reference_deg = errors.reference_deg
@@ -200,7 +199,7 @@ def posed_blocks(
         block = {
             "joint_angles": angle_columns(name, fit, posed, poses, errors),
             "bone_poses": bone_columns(name, posed, poses, errors),
-            "posed_tips": tip_columns(name, fit, posed, poses, left_out, ends_mm, errors),
+            "posed_tips": tip_columns(name, tips, posed, poses, left_out, errors),
         }
         for receiver in moved:
             layout, since = fit.layout, poses.frame >= receiver.start.frame
@@ -260,14 +259,14 @@ def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
     posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
     block = {
         "bone_poses": bone_columns(name, posed, poses),
-        "posed_tips": tip_columns(name, fit, posed, poses, every, _ends_mm(tips, posed)),
+        "posed_tips": tip_columns(name, tips, posed, poses, every),
     }
     _set_unmeasured_null(block, fit, poses)
     return block
 
 
 def angle_columns(
-    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
+    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors
 ) -> Columns:
     """Build the columns of joint_angles for some frames, joint after joint (section 11).
 
@@ -281,8 +280,8 @@ def angle_columns(
         The hand in T frames.
     poses : Poses
         The same T frames of the recording.
-    errors : PosedErrors, optional
-        Errors of the frames; null if omitted.
+    errors : PosedErrors
+        Errors of the frames.
 
     Returns
     -------
@@ -294,10 +293,8 @@ def angle_columns(
     unknown = np.full((len(poses.frame), 3), np.nan)
     columns = _keys(name, "joint", list(angles), poses)
     columns["time_s"] = np.tile(poses.time_s, len(angles))
-    by_suffix: dict[str, Mapping[str, Array]] = {"deg": angles}
-    for suffix, attribute in ERRORS_OF_ANGLES.items():
-        by_suffix[suffix] = {} if errors is None else getattr(errors, attribute)
-    for suffix, values in by_suffix.items():
+    of_errors = {suffix: getattr(errors, attribute) for suffix, attribute in ERRORS_OF_ANGLES.items()}
+    for suffix, values in {"deg": angles, **of_errors}.items():
         stacked = np.concatenate([*(values.get(joint, unknown) for joint in angles), np.empty((0, 3))])
         for index, part in enumerate(("flexion", "abduction", "rotation")):
             columns[f"{part}_{suffix}"] = stacked[:, index]
@@ -337,11 +334,10 @@ def bone_columns(
 
 def tip_columns(
     name: RecordingName,
-    fit: HandFit,
+    tips: Fingertips,
     posed: PosedHand,
     poses: Poses,
     left_out: Index,
-    ends_mm: Mapping[str, Array],
     errors: PosedErrors | None = None,
 ) -> Columns:
     """Build the columns of posed_tips for some frames, digit after digit (section 11).
@@ -350,18 +346,16 @@ def tip_columns(
     ----------
     name : RecordingName
         Name of the recording.
-    fit : HandFit
-        The hand.
+    tips : Fingertips
+        The hand with its fingertips.
     posed : PosedHand
         The hand in T frames.
     poses : Poses
         The same T frames of the recording.
     left_out : array of int, shape (F,)
         Frames that are also posed without the distal receivers' positions, for the column error_left_out_mm.
-    ends_mm : mapping of str to array, shape (T, D, 3)
-        Ends of the digits, by part (`ENDS`), in the transmitter frame.
     errors : PosedErrors, optional
-        Errors of the frames; null if omitted.
+        Errors of the frames; if omitted they are null, and the digits end where their bones carry them.
 
     Returns
     -------
@@ -369,7 +363,8 @@ def tip_columns(
         Columns of posed_tips, mm, without the part's keys.
 
     """
-    digits = digits_with_tip(fit)
+    fit = tips.fit
+    digits, ends_mm = digits_with_tip(fit), _ends_mm(tips, posed, None if errors is None else poses)
     receivers = [posed.receivers.index(digit.tip) for digit in digits]
     measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]
     valid = poses.valid[:, [poses.index(digit.tip) for digit in digits]]
@@ -377,9 +372,7 @@ def tip_columns(
     error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
     ends_sd_mm = np.full((*valid.shape, len(ENDS)), np.nan)
     if errors is not None:
-        by_anatomy = [digit.name for digit in known_digits(fit.layout) if digit in digits]
-        names = [digit.name for digit in digits]
-        ends_sd_mm[:, [names.index(name) for name in by_anatomy]] = errors.tips_mm
+        ends_sd_mm[:, [digits.index(digit) for digit in tipped_digits(fit)]] = errors.tips_mm
     left_out_mm = np.full(valid.shape, np.nan)
     left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
     return {
@@ -402,7 +395,7 @@ def digits_with_tip(fit: HandFit) -> list[Digit]:
     return [digit for digit in fit.layout.digits.values() if digit.tip in fit.model.receivers]
 
 
-def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> dict[str, Array]:
+def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None) -> dict[str, Array]:
     """Compute the ends (T, D, 3) of bone and skin of digits, by part (`ENDS`); NaN without known anatomy.
 
     They are carried by the distal receiver if poses are passed and it is valid, as it follows its bone

@@ -8,7 +8,7 @@ otherwise at the distal receiver.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -314,15 +314,12 @@ def neutral_posture(
     start = bone_frame(vector_mm, dorsal)
     normal = _dorsal_seen_from(hand, proximal, layout, frame)[0]
     reference = Reference.of(vector_mm, start[:, 2], normal)
-    twist_rad = np.concatenate(
-        [
-            _posture(chain, layout, model, poses, reference).twist_rad[
-                all_valid(poses, (chain.digit.base, proximal))
-            ]
-            for poses in recording(*needed)
-        ]
-    )
-    mean_twist_rad = float(np.angle(np.mean(np.exp(1j * twist_rad))))
+    both = (chain.digit.base, proximal)
+    twists_rad = [
+        _posture(chain, layout, model, poses, reference).twist_rad[all_valid(poses, both)]
+        for poses in recording(*needed)
+    ]
+    mean_twist_rad = float(np.angle(np.mean(np.exp(1j * np.concatenate(twists_rad)))))
     return reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad))
 
 
@@ -330,9 +327,8 @@ def _posture(
     chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
 ) -> Posture:
     """Compute the change of the metacarpal's posture since the reference frame, in some frames."""
-    normal = _dorsal_seen_from(
-        segment_quaternions(poses, chain.digit.base), chain.digit.segments[1], layout, poses
-    )
+    hand = segment_quaternions(poses, chain.digit.base)
+    normal = _dorsal_seen_from(hand, chain.digit.segments[1], layout, poses)
     vector_mm = metacarpal_vectors(chain, poses)
     return estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
 
@@ -409,30 +405,26 @@ def build_hand(
     wrist = wrist_row(rows, layout, model, calibration)
     if wrist is not None:
         joints[wrist["joint"]] = {"covariance_mm2": None, **wrist}
+    lengths: dict[str, Any] = {
+        segment: {name: value for name, value in row.items() if name in LENGTHS}
+        for segment, row in (fitted_bones or {}).items()
+    }
     bones: list[BoneLengthsRow] = []
     metacarpals = []
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, model, joints)
         if isinstance(chain, str):
             for segment in digit.segments:
-                fitted: Mapping[str, Any] = (fitted_bones or {}).get(segment, {})
-                lengths: Any = {name: fitted[name] for name in LENGTHS if name in fitted}
                 bone: BoneLengthsRow = {"digit": digit.name, "bone": segment, "message": chain}
                 bone |= {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": ""}
-                bone |= lengths
-                bones.append(bone)
+                bones.append(bone | lengths.get(segment, {}))
             continue
         mode = metacarpal_mode(chain, layout, model)
         measured = digit_bones(chain, mode, joints, layout, calibration)
         if mode != "none":
             metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
-        if fitted_bones is not None:
-            of_fit: dict[str, Any] = {
-                segment: {name: value for name, value in row.items() if name in LENGTHS}
-                for segment, row in fitted_bones.items()
-            }  # vectors remain those of the replay
-            measured = [replace(bone, **of_fit.get(bone.segment, {})) for bone in measured]
-        bones += [{"digit": digit.name, **bone.row()} for bone in measured]
+        # vectors remain those of the replay
+        bones += [{"digit": digit.name, **bone.row(), **lengths.get(bone.segment, {})} for bone in measured]
     return BuiltHand(list(joints.values()), bones, metacarpals)
 
 
@@ -441,7 +433,7 @@ def pose_metacarpals(
     layout: Layout,
     model: SkeletonModel,
     recording: PosesReader,
-    fitted: Callable[[str, Index], Array | None] | None = None,
+    fitted: Callable[[str, Index], Array | None],
 ) -> Iterator[dict[str, Any]]:
     """Pose every metacarpal of a hand in a recording, digit by digit and block by block.
 
@@ -453,8 +445,8 @@ def pose_metacarpals(
         Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording.
-    fitted : callable, optional
-        (segment, frames (T,)) -> quaternions (T, 4) of the whole-hand fit, or None.
+    fitted : callable
+        (segment, frames (T,)) -> quaternions (T, 4) of the whole-hand fit; called only in mode fitted.
 
     Yields
     ------
@@ -465,6 +457,6 @@ def pose_metacarpals(
     for metacarpal in hand.metacarpals:
         neutral = neutral_posture(metacarpal, layout, model, recording)
         for poses in recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers):
-            posed = None if fitted is None else fitted(metacarpal.bone.segment, poses.frame)
+            posed = fitted(metacarpal.bone.segment, poses.frame) if metacarpal.mode == "fitted" else None
             columns = metacarpal_columns(metacarpal, layout, model, poses, neutral, posed)
             yield {"digit": metacarpal.chain.digit.name, **columns}

@@ -123,32 +123,6 @@ def leave_uncut(solution: JointSolution) -> Projection:
     )
 
 
-def correct(
-    p_mm: Float[Array, " 3"],
-    q_mm: Float[Array, " 3"],
-    shift_mm: Float[Array, " 3"],
-    mean_rotation: Float[Array, "3 3"],
-) -> tuple[Float[Array, " 3"], Float[Array, " 3"]]:
-    """Apply a manual correction (section 6) to a joint centre.
-
-    Parameters
-    ----------
-    p_mm, q_mm : array, shape (3,)
-        Centre in the parent's and the child's receiver frame, mm.
-    shift_mm : array, shape (3,)
-        Correction in the child's receiver frame, mm.
-    mean_rotation : array, shape (3, 3)
-        Mean rotation from the child's to the parent's frame, by which the parent's half moves.
-
-    Returns
-    -------
-    tuple of array, shape (3,)
-        Corrected p and q, mm.
-
-    """
-    return p_mm + nearest_rotation(mean_rotation) @ shift_mm, q_mm + shift_mm
-
-
 def centre_sd_mm(covariance_mm2: Float[Array, "6 6"]) -> float:
     """Return the three-dimensional standard deviation of a centre, the larger one of its two halves.
 
@@ -243,9 +217,7 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
                 f"{solutions}: joint {solution['joint']} is not in layout {layout.name}; "
                 "use the layout with which the joints were solved"
             )
-        row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
-        row |= {"subject": plan.who.subject, "session": plan.who.session}
-        rows.append(row)
+        rows.append(place_joint(joint, layout, solution, model, corrections_mm.get(joint.name)))
     return rows
 
 
@@ -322,8 +294,13 @@ def _projection(joint: Joint, solution: JointSolution, *, cut: bool) -> Projecti
 def _centre(
     solution: JointSolution, placed: Projection, shift_mm: Array, model: SkeletonModel
 ) -> JointCentresRow:
-    """Build the columns of the corrected centre: its position, gap and scatter."""
-    p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, solution.mean_rotation)
+    """Build the columns of the corrected centre: its position, gap and scatter.
+
+    shift_mm : (3,) manual correction (section 6) in the child's frame; the parent's half moves by the same in
+    the mean posture.
+    """
+    p_mm = placed.p_mm + nearest_rotation(solution.mean_rotation) @ shift_mm
+    q_mm = placed.q_mm + shift_mm
     gap = gap_rms_mm(solution, placed.slide_mm, p_mm - placed.p_mm, q_mm - placed.q_mm)
     row: JointCentresRow = {
         "gap_rms_mm": gap if model.planes.cut else solution.gap_rms_mm,
@@ -340,16 +317,7 @@ def _whole_error(
     joint: Joint, layout: Layout, placed: Projection, solution: JointSolution
 ) -> JointCentresRow:
     """Build the columns of the total error (scatter and unseen errors) and of the scatter alone."""
-    unseen_mm2 = unseen_covariance(
-        joint,
-        layout,
-        placed,
-        (solution.null_parent, solution.null_child),
-        solution.mean_rotation,
-        solution.gap_rms_free_mm,
-        solution.range_deg,
-    )
-    covariance_mm2 = placed.covariance_mm2 + unseen_mm2
+    covariance_mm2 = placed.covariance_mm2 + unseen_covariance(joint, layout, placed, solution)
     return {
         "scatter_sd_mm": centre_sd_mm(placed.covariance_mm2),
         "sd_mm": centre_sd_mm(covariance_mm2),

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.arrays import Array, Bools, Float, Index
-from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, all_valid, carried_mm, digit_chain, segment_quaternions
 from shukotsu.hand.posed_recording import read_skeleton
 from shukotsu.hand.posing import PosedRecording, Skeleton, receiver_bones, rigid_positions, root_names
@@ -26,7 +25,7 @@ from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import METACARPALS
 from shukotsu.tables.parts import Opened, Part, PartsReader, PartsWriter
-from shukotsu.tables.poses import Poses, PosesReader, frame_count, poses_reader
+from shukotsu.tables.poses import Poses, PosesReader, poses_reader, usable_poses
 from shukotsu.translation import listed
 
 if TYPE_CHECKING:
@@ -206,15 +205,12 @@ def write_replay(
     for recording in plan.evaluated(part.hand, part.made_without):
         keys: dict[str, Any] = recording.key
         row_keys = {**keys, "held_out": recording not in calibrated}
-        try:
-            frame_count(plan.poses(recording))
-        except TableError:
-            raise
-        except InputError as error:
+        usable, reasons = usable_poses([plan.poses(recording)])
+        if reasons:
             for digit in layout.digits:
-                errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
+                errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, reasons[0])])
             continue
-        reader = poses_reader([plan.poses(recording)], layout.measured)
+        reader = poses_reader(usable, layout.measured)
         with opened(plan.table("metacarpals"), METACARPALS) as parts:
             turns = partial(_turns, parts, part, recording)
             for columns, rows in replay_recording(skeleton, reader, turns):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -35,10 +36,11 @@ from shukotsu.tables.typed_table import rows_of
 if TYPE_CHECKING:
     from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
 
-_KEPT_OF_FAILED = (
-    *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
-)
+_KEPT_OF_FAILED = ("joint", "parent_segment", "child_segment", "dof", "n_frames", "source")
 """Columns that a row keeps if the fit failed or a receiver was not worn."""
+
+_OF_JOINTWISE_SOLUTION = ("gap_rms_free_mm", "n_frames", "n_effective")
+"""Columns that only joints solved one by one have."""
 
 
 def merge_fitted(
@@ -57,21 +59,12 @@ def merge_fitted(
         Projected joints in their order, replaced by those of the fit if it has them, then its other joints.
 
     """
-    fitted = {row["joint"]: row for row in fitted_rows}
+    fitted = _by("joint", fitted_rows)
     merged: list[JointCentresRow] = []
     for projected in projected_rows:
         row = fitted.pop(projected["joint"], None)
-        if row is None:
-            merged.append(projected)
-            continue
-        merged.append(  # plus the columns that only the joint-wise solution has
-            {
-                **row,
-                "gap_rms_free_mm": projected["gap_rms_free_mm"],
-                "n_frames": projected["n_frames"],
-                "n_effective": projected["n_effective"],
-            }
-        )
+        numbers = {name: value for name, value in projected.items() if name in _OF_JOINTWISE_SOLUTION}
+        merged.append(projected if row is None else row | numbers)
     return [*merged, *fitted.values()]
 
 
@@ -107,19 +100,15 @@ def judge_hand(
 
     """
     wanted_mm = layout.wanted_mm
-    unworn = {} if worn is None else _unworn({row["joint"]: row for row in hand.joints}, layout, worn)
+    unworn = {} if worn is None else _unworn(_by("joint", hand.joints), layout, worn)
     rows = [
         _without_numbers(row, not_measured_text(unworn[row["joint"]])) if row["joint"] in unworn else row
         for row in hand.joints
     ]
-    close = knuckles_too_close({row["joint"]: row for row in rows}, layout)
-    doubts: dict[str, Doubts] = {
-        joint: {NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()
-    }
+    doubts = knuckles_too_close(_by("joint", rows), layout)  # none of them is unworn: those have no centre
+    doubts |= {joint: {NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()}
     joints = {
-        row["joint"]: judged_joint(
-            row, wanted_mm, {**suspicion, **close.get(row["joint"], {}), **doubts.get(row["joint"], {})}
-        )
+        row["joint"]: judged_joint(row, wanted_mm, {**suspicion, **doubts.get(row["joint"], {})})
         for row in rows
     }
     gone = {name for name, digit in layout.digits.items() if unworn.keys() >= {*digit.joints} & joints.keys()}
@@ -190,9 +179,9 @@ def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mappin
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
     usable = usable_poses([plan.poses(r) for r in calibration])[0]
     reader = poses_reader(usable, layout.measured)
-    if model.fitting is None:
-        hand = build_hand(_by("joint", projected), layout, model, reader)
-    else:
+    rows = projected
+    fitted_bones: Mapping[str, BoneLengthsRow] = {}
+    if model.fitting is not None:
         try:
             fit = (part.hand, part.model)
             fitted = read_part(plan.table("fitted_joints", *fit), JOINT_CENTRES, part)
@@ -203,41 +192,30 @@ def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mappin
             raise
         except InputError as error:  # the reason goes into the rows
             of_fit: JointCentresRow = {"source": "fit of the whole hand"}
-            rows, fitted_bones = [_without_numbers({**row, **of_fit}, str(error)) for row in projected], {}
-        hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
-    parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
-    keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
+            rows = [_without_numbers({**row, **of_fit}, str(error)) for row in projected]
+    hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
+    parameters = {"calibrated_on": [recording.title for recording in calibration]}
     suspects = [recording.title for recording in plan.suspect if recording.hand.hand == part.hand]
     worn = {segment for path in usable for segment in seen_segments(path)} or None
     hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {}, worn)
-    tables["joint_centres"].rows(part, [{**row, **keys} for row in hand.joints], **parameters)
-    tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
+    tables["joint_centres"].rows(part, hand.joints, **parameters)
+    tables["bone_lengths"].rows(part, hand.bones, **parameters)
     tables["metacarpals"].rows(part, [], **parameters)
     for recording in plan.posed(part.hand, part.made_without):
-        _pose_recording(plan, part, opened, hand, recording, tables["metacarpals"])
+        fitted_turns = partial(_fitted_turns, plan, part, opened, recording)
+        for path in usable_poses([plan.poses(recording)])[0]:
+            reader = poses_reader([path], layout.measured)
+            for columns in pose_metacarpals(hand, layout, model, reader, fitted_turns):
+                tables["metacarpals"].columns(part, {**recording.key, **columns})
 
 
-def _pose_recording(
-    plan: SubjectPlan,
-    part: Part,
-    opened: Opened,
-    hand: BuiltHand,
-    recording: Recording,
-    metacarpals: PartsWriter,
-) -> None:
-    """Write the metacarpals of one recording, if it has poses."""
-    layout, model = plan.layouts[part.hand], plan.models[part.model]
-
-    def posed_by_fit(segment: str, frames: Index) -> Array | None:
-        keys = (part, recording.task, recording.trial, [f"q{name}" for name in "wxyz"])
-        with opened(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
-            return parts.recording(*keys, len(frames), frames, segment).get(segment)
-
-    for path in usable_poses([plan.poses(recording)])[0]:
-        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # no fit
-        for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
-            keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
-            metacarpals.columns(part, {**keys, **columns})
+def _fitted_turns(
+    plan: SubjectPlan, part: Part, opened: Opened, recording: Recording, segment: str, frames: Index
+) -> Array | None:
+    """Read quaternions (T, 4) of a segment at those frames as the whole-hand fit posed it."""
+    keys = (part, recording.task, recording.trial, [f"q{name}" for name in "wxyz"])
+    with opened(plan.table("bone_poses", part.hand, part.model), BONE_POSES) as parts:
+        return parts.recording(*keys, len(frames), frames, segment).get(segment)
 
 
 def _by(key: str, rows: Any) -> Any:

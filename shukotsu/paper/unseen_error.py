@@ -14,6 +14,7 @@ from shukotsu.hand.rotations import Array, cross_matrix, nearest_rotation
 from shukotsu.study.layout import Joint, Layout
 
 if TYPE_CHECKING:
+    from shukotsu.paper.closed import JointSolution
     from shukotsu.paper.plane import Projection
 
 MARGIN = 1.7
@@ -43,15 +44,7 @@ UNKNOWN_PLACE_SD_MM = 5.0
 """Standard deviation of a receiver's lateral position on a segment without tabulated anatomy (our choice)."""
 
 
-def unseen_covariance(
-    joint: Joint,
-    layout: Layout,
-    placed: Projection,
-    axes: tuple[Array, Array],
-    mean_rotation: Array,
-    gap_rms_mm: float,
-    range_deg: float,
-) -> Array:
+def unseen_covariance(joint: Joint, layout: Layout, placed: Projection, solution: JointSolution) -> Array:
     """Compute the covariance of a centre due to errors that cause neither scatter nor a gap.
 
     These are skin motion and receiver placement (docs/method.md, "Uncertainty"). Both halves have the same
@@ -63,14 +56,8 @@ def unseen_covariance(
         The joint and the layout of the hand.
     placed : Projection
         The centre on its plane.
-    axes : tuple of array, shape (3,)
-        Unit axis in the parent's and the child's receiver frame.
-    mean_rotation : array, shape (3, 3)
-        Mean rotation, child to parent.
-    gap_rms_mm : float
-        Rms gap of the six-value solution.
-    range_deg : float
-        Range of motion about the axis.
+    solution : JointSolution
+        The joint as solved.
 
     Returns
     -------
@@ -78,17 +65,17 @@ def unseen_covariance(
         Covariance of (p, q), mm^2.
 
     """
-    to_parent = nearest_rotation(mean_rotation)
+    to_parent, axis = nearest_rotation(solution.mean_rotation), solution.null_child
     slides = [
-        _slide_covariance(segment, layout, half_mm, _looseness(segment, layout, gap_rms_mm))
+        _slide_covariance(segment, layout, half_mm, _looseness(segment, layout, solution.gap_rms_free_mm))
         for segment, half_mm in ((joint.parent_receiver, placed.p_mm), (joint.child, placed.q_mm))
     ]
-    turn = cross_matrix(axes[1])
-    neighbours = 1.0 + (NEIGHBOUR_RANGE_DEG / max(range_deg, 1.0)) ** 2
+    turn = cross_matrix(axis)
+    neighbours = 1.0 + (NEIGHBOUR_RANGE_DEG / max(solution.range_deg, 1.0)) ** 2
     skin_mm2 = turn @ (to_parent.T @ slides[0] @ to_parent + slides[1]) @ turn.T
     if joint.compound:
         skin_mm2 += COMPOUND_SD_MM**2 / 3 * np.eye(3)
-    skin_mm2 = neighbours * skin_mm2 + _along_variance_mm2(joint, layout, placed) * np.outer(axes[1], axes[1])
+    skin_mm2 = neighbours * skin_mm2 + _along_variance_mm2(joint, layout, placed) * np.outer(axis, axis)
     both = np.vstack([to_parent, np.eye(3)])
     return np.asarray(both @ skin_mm2 @ both.T)
 

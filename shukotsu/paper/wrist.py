@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,31 +59,15 @@ def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, "
         Point and covariance in the hand receiver's frame.
 
     """
-    digits = tuple(
-        positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
-        for positions in mcp_mm
-        if len(positions)
-    )
-    return _estimate(digits, tuple(map(float, nominal_mm)))
-
-
-@lru_cache(maxsize=4)
-def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
-    """Estimate the wrist from positions (3, T) as bytes; cached, as models often share MCP joints."""
-    digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
-    nominal = np.array(nominal_mm)
-    point = nominal.copy()
-    hessian = np.eye(3) / NOMINAL_SD_MM**2
+    digits = [np.ascontiguousarray(positions.T) for positions in mcp_mm]
+    point = nominal_mm
     for _ in range(50):
-        hessian, gradient = _normal_equations(digits, point, nominal)
+        hessian, gradient = _normal_equations(digits, point, nominal_mm)
         step = np.linalg.solve(hessian, gradient)
         point = point - step
         if np.linalg.norm(step) < 1e-9:
             break
-    covariance = np.linalg.inv(hessian)
-    for array in (point, covariance):
-        array.flags.writeable = False
-    return WristPoint(point, np.asarray(covariance))
+    return WristPoint(point, np.asarray(np.linalg.inv(hessian)))
 
 
 def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tuple[Array, Array]:
@@ -137,13 +120,12 @@ def wrist_row(
         return fitted
     if wanted == "functional":
         why = fitted["message"] if fitted is not None else "no receiver on the forearm"
-        return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
+        return _point_row(wrist, None, f"the wrist joint was not fitted: {why}", "fit")
     if wanted == "point" or (wanted == "auto" and wrist.point_mm is not None):
         if wrist.point_mm is None:
-            why = f"layout {layout.name} has no wrist.point_mm"
-            return _point_row(wrist, None, "failed", why, "configured point")
+            return _point_row(wrist, None, f"layout {layout.name} has no wrist.point_mm", "configured point")
         configured = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
-        return _point_row(wrist, configured, "ok", "as configured in the layout", "configured point")
+        return _point_row(wrist, configured, "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
     how = "the average hand's wrist; there is no forearm receiver and no MCP joint to estimate it from"
@@ -154,7 +136,7 @@ def wrist_row(
     doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
     if len(doubtful) > len(positions) / 2:
         doubts[FROM_DOUBTFUL] = {"joints": doubtful}
-    return _point_row(wrist, point, "ok", how, "estimated point", doubts)
+    return _point_row(wrist, point, how, "estimated point", doubts)
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
@@ -180,12 +162,7 @@ def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesR
 
 
 def _point_row(
-    wrist: Wrist,
-    point: WristPoint | None,
-    status: str,
-    how: str,
-    source: str,
-    doubts: Mapping[str, Values] | None = None,
+    wrist: Wrist, point: WristPoint | None, how: str, source: str, doubts: Mapping[str, Values] | None = None
 ) -> JointCentresRow:
     """Build the row of joint_centres of a wrist point, or of a failed one if point is None."""
     row: JointCentresRow = {
@@ -195,7 +172,7 @@ def _point_row(
         "dof": 0,
         "n_frames": 0,
         "source": source,
-        "status": status,
+        "status": "failed" if point is None else "ok",
         "message": how,
     }
     row |= note_doubts(doubts or {})

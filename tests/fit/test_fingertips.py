@@ -196,26 +196,20 @@ def test_a_contact_is_the_nearest_pad_held_close(person: Person) -> None:
     contacts = find_contacts(tips, scripted_poses(tips, pads))
     assert [contact.digits[1] for contact in contacts] == ["index", "index"]
     for contact in contacts:
-        apart = (
-            contact.receiver_mm[:, 1]
-            + tips["index"].pad_mm
-            - contact.receiver_mm[:, 0]
-            - tips["thumb"].pad_mm
-        )
+        apart = np.diff(pads_mm(tips, contact), axis=1)[:, 0]
         np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
         assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
         assert 5 <= len(apart) < 30
     assert find_contacts(tips, scripted_poses(tips, pads[:5])) == []
 
 
+def pads_mm(tips: Fingertips, contact: Touch) -> Array:
+    """Return the positions (N, 2, 3) of both pads in the frames of a contact, transmitter frame."""
+    arms_mm = np.array([tips[digit].pad_mm for digit in contact.digits])
+    return contact.receiver_mm + rotate(contact.receiver_quaternion, arms_mm)
+
+
 def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:
-    gaps = []
-    for contact in contacts:
-        a = contact.receiver_mm[:, 0] + rotate(
-            contact.receiver_quaternion[:, 0], tips[contact.digits[0]].pad_mm
-        )
-        b = contact.receiver_mm[:, 1] + rotate(
-            contact.receiver_quaternion[:, 1], tips[contact.digits[1]].pad_mm
-        )
-        gaps.append(np.linalg.norm((a - b).mean(0)))
-    return float(np.mean(gaps))
+    """Return the mean distance of the pads in contacts."""
+    gaps = [np.subtract(*pads_mm(tips, contact).mean(0)) for contact in contacts]
+    return float(np.linalg.norm(gaps, axis=-1).mean())

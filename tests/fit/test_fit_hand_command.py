@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -87,46 +86,45 @@ def test_the_stage_writes_the_tables_of_a_hand_and_a_posed_task(hand: HandAlone,
     assert seen[tried].mean() < blind[tried].mean() < 1.5
 
 
-def sheet(hand: HandAlone, kind: str, *lines: str) -> str:
-    path = hand.folder / f"{kind}.tsv"
-    path.write_text("\n".join([SHEETS[kind], *lines]) + "\n")
-    return f"--{kind}={path}"
-
-
-Refused = Callable[[HandAlone], list[str]]
-REFUSALS: dict[str, tuple[Refused, str]] = {
+REFUSALS = {
     "an unknown quantity": (
-        lambda h: [sheet(h, "measurements", "01\tright\tindex_midle\t20\t0.5")],
+        "measurements",
+        "01\tright\tindex_midle\t20\t0.5",
         "row 2, column quantity: 'index_midle' cannot be measured on layout liberty16; did you mean "
         "'index_middle'?",
     ),
     "a touch of an unknown digit": (
-        lambda h: [sheet(h, "touches", "01\tright\trom\tfoot\ttip\t1\t2\t0\t0\t0\t1")],
+        "touches",
+        "01\tright\trom\tfoot\ttip\t1\t2\t0\t0\t0\t1",
         "row 2: digit 'foot' has no fingertip; expected one of thumb, index, middle, ring, little",
     ),
     "a contact of a digit with itself": (
-        lambda h: [sheet(h, "touches", "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex")],
+        "touches",
+        "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex",
         "row 2: column meets: is 'index', as is column digit; expected another digit",
     ),
     "a touch with neither a point nor a second digit": (
-        lambda h: [sheet(h, "touches", "01\tright\trom\tindex\ttip\t1\t2\t0\t\t0\t1")],
+        "touches",
+        "01\tright\trom\tindex\ttip\t1\t2\t0\t\t0\t1",
         "row 2, column y_mm: is ''; expected a number, or a cell in column meets",
     ),
-    "a hand length in cm": (lambda _: ["--hand-length-mm=18"], "--hand-length-mm: is 18; expected"),
-    "a model without a whole-hand fit": (
-        lambda _: ["--model=rigid"],
-        "model rigid does not fit a whole hand",
-    ),
-    "the other hand's poses": (lambda _: ["--hand=left"], "expected subject 01, left hand"),
+    "a hand length in cm": ("hand-length-mm", "18", "--hand-length-mm: is 18; expected"),
+    "a model without a whole-hand fit": ("model", "rigid", "model rigid does not fit a whole hand"),
+    "the other hand's poses": ("hand", "left", "expected subject 01, left hand"),
 }
+"""An option, its value or the only row of its sheet, and a part of the error."""
 
 
 @pytest.mark.parametrize("what", REFUSALS)
 def test_bad_input_is_refused_in_one_sentence_and_nothing_is_written(
     hand: HandAlone, capsys: pytest.CaptureFixture[str], tmp_path: Path, what: str
 ) -> None:
-    options, sentence = REFUSALS[what]
-    assert hand.fit(tmp_path / "out", *options(hand), poses=hand.short) == 2
+    option, value, sentence = REFUSALS[what]
+    if option in SHEETS:
+        sheet = tmp_path / f"{option}.tsv"
+        sheet.write_text(f"{SHEETS[option]}\n{value}\n")
+        value = str(sheet)
+    assert hand.fit(tmp_path / "out", f"--{option}={value}", poses=hand.short) == 2
     error = capsys.readouterr().err
     assert sentence in error
     assert error.startswith("error: ")

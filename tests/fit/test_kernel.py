@@ -136,16 +136,14 @@ def computed_step_by_step(branch: Branch, point: Point) -> Reached:
             operation, amount = branch.operations[index], np.zeros((n_frames, 1))
             for term in operation.terms:
                 of_hand = 1.0 if term.unknown is None else point.x[term.unknown]
-                amount[:, 0] += (
-                    term.coefficient * of_hand * (1 if term.state is None else point.y[:, term.state])
-                )
+                of_frame = 1.0 if term.state is None else point.y[:, term.state]
+                amount[:, 0] += term.coefficient * of_hand * of_frame
             amount += operation.constant
             reached.axis[index], reached.origin_mm[index] = R @ constant, t
-            R, t = (
-                (R @ exp_rotation(amount * constant), t)
-                if operation.rotates
-                else (R, t + amount * (R @ constant))
-            )
+            if operation.rotates:
+                R = R @ exp_rotation(amount * constant)
+            else:
+                t = t + amount * (R @ constant)
         elif kind == "turn":
             R = R @ constant
         elif kind == "mark":
@@ -175,10 +173,8 @@ def test_compiled_residuals_equal_numpy(seed: int, n_frames: int) -> None:
         for name in ("rotation", "position_mm", "axis", "origin_mm"):
             assert_same(getattr(each.reached, name), getattr(reached, name))
         for i, (mark, s) in enumerate(receivers):
-            back, off = (
-                rotation[:, s].swapaxes(-1, -2),
-                reached.position_mm[mark] - problem.frames.position_mm[:, s],
-            )
+            back = rotation[:, s].swapaxes(-1, -2)
+            off = reached.position_mm[mark] - problem.frames.position_mm[:, s]
             turned = log_rotation(back @ reached.rotation[mark]) / problem.sd[s, 1]
             r = np.concatenate([(back @ off[..., None])[..., 0] / problem.sd[s, 0], turned], -1)
             r *= problem.frames.valid[:, s, None]

@@ -46,11 +46,7 @@ def test_the_longest_part_between_displacements_is_kept() -> None:
         for poses, part in zip(kept, parts, strict=True):
             np.testing.assert_array_equal(poses.valid[:, poses.index(segment)], part)
     for before, after in zip((first, second), kept, strict=True):
-        others = [
-            i
-            for i, name in enumerate(before.segments)
-            if name not in {receiver.segment for receiver in loose}
-        ]
+        others = ~np.isin(before.segments, [receiver.segment for receiver in loose])
         np.testing.assert_array_equal(after.valid[:, others], before.valid[:, others])
         assert after.position_mm is before.position_mm
     assert share_left_out([first, second], kept) == {

@@ -40,10 +40,8 @@ def test_equal_recordings_and_settings_are_solved_once(poses: Path, monkeypatch:
         part_solutions, "stream_recordings", lambda *a, **k: streamed.append(a) or stream(*a, **k)
     )
     monkeypatch.setattr(part_solutions, "solve_recordings", lambda *a: solved.append(a) or solve(*a))
-    six = replace(
-        request("paper-fig4", poses, made_without="x"),
-        settings=replace(read_model("paper-fig4").solving, singular_values=6),
-    )
+    six = request("paper-fig4", poses, made_without="x")
+    six = replace(six, settings=replace(six.settings, singular_values=6))
     requests = [
         request("paper-fig4", poses),
         request("paper-fig3", poses),
@@ -54,9 +52,8 @@ def test_equal_recordings_and_settings_are_solved_once(poses: Path, monkeypatch:
     assert list(rows) == [part_request.part for part_request in requests]
     assert len(streamed) == 2
     assert len(solved) == 3
-    index_pip = [next(row for row in part_rows if row["joint"] == "index_pip") for part_rows in rows.values()]
-    fig4, fig3, of_six, left = index_pip
-    assert fig4["parent_x_mm"] == fig3["parent_x_mm"] == left["parent_x_mm"] != of_six["parent_x_mm"]
+    fig4, fig3, of_six, left = map(_x_of_index_pip, rows.values())
+    assert fig4 == fig3 == left != of_six
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from shukotsu.errors import InputError
 from shukotsu.hand.average_hand import PRIOR
-from shukotsu.hand.rotations import rotate
+from shukotsu.hand.rotations import conjugate, multiply, rotate
 from shukotsu.paper.closed import JointSolution, solve_closed
 from shukotsu.paper.part_solutions import solution_row
 from shukotsu.paper.plane import Projection, centre_sd_mm, place_joint, project
@@ -147,52 +147,38 @@ def test_skin_motion_in_phase_with_a_hinge_moves_its_centre_as_stated() -> None:
         across = solution.q_mm - free.q_mm
         off.append(across - across @ free.null_child * free.null_child)
     placed = Projection(free.p_mm, free.q_mm, 0.0, None, np.zeros((6, 6)))
-    axes = free.null_parent, free.null_child
-    stated = unseen_covariance(
-        joint, chain_layout(chain), placed, axes, free.mean_rotation, 0.0, NEIGHBOUR_RANGE_DEG
-    )
+    tight = replace(free, gap_rms_free_mm=0.0, range_deg=NEIGHBOUR_RANGE_DEG)
+    stated = unseen_covariance(joint, chain_layout(chain), placed, tight)
     assert np.cov(np.array(off).T).trace() == pytest.approx(stated[3:, 3:].trace() / 2, rel=0.25)
 
 
 def _hinge_angle(chain: Any) -> np.ndarray:
     """Return the hinge's angle (T,) in rad with zero mean, from the quaternions."""
-    parent, child = chain.poses.quaternion[:, 0], chain.poses.quaternion[:, 1]
-    axis = rotate(parent, chain.axis_parent[0])
-    across = np.cross(chain.axis_child[0], [0.3, 0.5, 0.8])
-    seen = rotate(parent * [1, -1, -1, -1], rotate(child, across))
-    first = np.cross(chain.axis_parent[0], seen[0])
-    assert np.allclose(rotate(child, chain.axis_child[0]), axis)
-    angle = np.unwrap(np.arctan2(seen @ first, (seen - _along(seen, chain.axis_parent[0])) @ seen[0]))
+    turn = multiply(conjugate(chain.poses.quaternion[:, 0]), chain.poses.quaternion[:, 1])
+    since_first = multiply(turn, conjugate(turn[0]))
+    angle = np.unwrap(2 * np.arctan2(since_first[:, 1:] @ chain.axis_parent[0], since_first[:, 0]))
     return np.asarray(angle - angle.mean())
 
 
-def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    return (vectors @ axis)[:, None] * axis
-
-
-def stated_sd_mm(joint: str, **changes: Any) -> float:
-    """Return the sd in mm of a joint 20 mm from both receivers whose axis is perpendicular to its plane."""
-    half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
-    options: dict[str, Any] = {"gap_rms_mm": 0.8, "range_deg": 60.0, "axis_plane_deg": 90.0} | changes
-    angle_deg = options.pop("axis_plane_deg")
-    placed = Projection(-half_mm, half_mm, 0.0, angle_deg, np.zeros((6, 6)))
-    return centre_sd_mm(
-        unseen_covariance(HAND.joints[joint], HAND, placed, (axis, axis), np.eye(3), **options)
-    )
+def unseen_mm2(joint: str, axis_plane_deg: float | None = 90.0, **changes: float) -> np.ndarray:
+    """Return the covariance (6, 6) of a hinge 20 mm from both receivers; None for a joint without a plane."""
+    half_mm, numbers = np.array([-20.0, 0.0, -7.0]), {"gap_rms_free_mm": 0.8, "range_deg": 60.0} | changes
+    placed = Projection(-half_mm, half_mm, 0.0, axis_plane_deg, np.zeros((6, 6)))
+    solved = solve_closed(moments_of(random_chain(0, 2)), 0, 5)
+    hinge = replace(solved, null_child=SAGITTAL, mean_rotation=np.eye(3), **numbers)
+    return unseen_covariance(HAND.joints[joint], HAND, placed, hinge)
 
 
 def test_the_stated_error_grows_with_gap_small_range_and_oblique_axis() -> None:
-    usual = stated_sd_mm("index_pip")
+    usual = centre_sd_mm(unseen_mm2("index_pip"))
     assert 3.0 < usual < 6.0
-    assert stated_sd_mm("index_pip", gap_rms_mm=2.0) > 1.4 * usual
-    assert stated_sd_mm("index_pip", range_deg=10.0) > 1.8 * usual
-    assert stated_sd_mm("index_pip", axis_plane_deg=20.0) > 1.5 * usual
-    assert stated_sd_mm("ring_mcp") > stated_sd_mm("index_mcp") + 1.0
+    assert centre_sd_mm(unseen_mm2("index_pip", gap_rms_free_mm=2.0)) > 1.4 * usual
+    assert centre_sd_mm(unseen_mm2("index_pip", range_deg=10.0)) > 1.8 * usual
+    assert centre_sd_mm(unseen_mm2("index_pip", 20.0)) > 1.5 * usual
+    assert centre_sd_mm(unseen_mm2("ring_mcp")) > centre_sd_mm(unseen_mm2("index_mcp")) + 1.0
 
 
 def test_without_a_plane_no_error_is_added_along_the_axis() -> None:
-    half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
-    placed = Projection(-half_mm, half_mm, 0.0, None, np.zeros((6, 6)))
-    covariance = unseen_covariance(HAND.joints["index_pip"], HAND, placed, (axis, axis), np.eye(3), 0.8, 60.0)
+    covariance = unseen_mm2("index_pip", None)
     assert covariance[4, 4] == pytest.approx(0.0, abs=1e-12)
     assert covariance[3, 3] > 1.0

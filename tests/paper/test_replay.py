@@ -53,11 +53,8 @@ def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain,
     built = digit_chain(digit, layout, model, rows)
     assert isinstance(built, DigitChain)
     least_squares = tips_least_squares(receiver_bones(skeleton, poses, {}))[digit.name]
-    return (
-        built,
-        least_squares,
-        tip_first_frame(built, poses, None, first_frame(built, poses, None), at_rest=False),
-    )
+    first = first_frame(built, poses, None)
+    return built, least_squares, tip_first_frame(built, poses, None, first, at_rest=False)
 
 
 def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:

@@ -166,21 +166,15 @@ def _to_residuals(
         if square >= _SMALL**2:
             angle = math.sqrt(square)
             factor = 1 / square - (1 + math.cos(angle)) / (2 * angle * math.sin(angle))
-        J[0, 0], J[0, 1], J[0, 2] = (
-            1 - factor * (y * y + z * z),
-            z / 2 + factor * x * y,
-            factor * x * z - y / 2,
-        )
-        J[1, 0], J[1, 1], J[1, 2] = (
-            factor * x * y - z / 2,
-            1 - factor * (x * x + z * z),
-            x / 2 + factor * y * z,
-        )
-        J[2, 0], J[2, 1], J[2, 2] = (
-            y / 2 + factor * x * z,
-            factor * y * z - x / 2,
-            1 - factor * (x * x + y * y),
-        )
+        J[0, 0] = 1 - factor * (y * y + z * z)
+        J[0, 1] = z / 2 + factor * x * y
+        J[0, 2] = factor * x * z - y / 2
+        J[1, 0] = factor * x * y - z / 2
+        J[1, 1] = 1 - factor * (x * x + z * z)
+        J[1, 2] = x / 2 + factor * y * z
+        J[2, 0] = y / 2 + factor * x * z
+        J[2, 1] = factor * y * z - x / 2
+        J[2, 2] = 1 - factor * (x * x + y * y)
         for i in range(3):
             for j in range(3):
                 by_velocity[i, j, f] = seen[j, i, f] * scale / sd[0]

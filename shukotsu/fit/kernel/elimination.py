@@ -318,21 +318,15 @@ def step_root(d_root: Array, root: Array, root_mm: Array) -> None:
         once, twice = 1.0, 0.5
         if angle > 0.0:
             once, twice = math.sin(angle) / angle, 2.0 * (math.sin(angle / 2) / angle) ** 2
-        E[0, 0], E[0, 1], E[0, 2] = (
-            1 - twice * (square - x * x),
-            twice * x * y - once * z,
-            twice * x * z + once * y,
-        )
-        E[1, 0], E[1, 1], E[1, 2] = (
-            twice * x * y + once * z,
-            1 - twice * (square - y * y),
-            twice * y * z - once * x,
-        )
-        E[2, 0], E[2, 1], E[2, 2] = (
-            twice * x * z - once * y,
-            twice * y * z + once * x,
-            1 - twice * (square - z * z),
-        )
+        E[0, 0] = 1 - twice * (square - x * x)
+        E[0, 1] = twice * x * y - once * z
+        E[0, 2] = twice * x * z + once * y
+        E[1, 0] = twice * x * y + once * z
+        E[1, 1] = 1 - twice * (square - y * y)
+        E[1, 2] = twice * y * z - once * x
+        E[2, 0] = twice * x * z - once * y
+        E[2, 1] = twice * y * z + once * x
+        E[2, 2] = 1 - twice * (square - z * z)
         for i in range(3):
             for k in range(3):
                 row[k] = root[i, 0, f] * E[0, k] + root[i, 1, f] * E[1, k] + root[i, 2, f] * E[2, k]

@@ -214,11 +214,8 @@ def _stay(R: Array, t: Array) -> None:
 def condense(chains: FlatChains, amounts: Amounts) -> Plan:
     """Return the plan with operations that depend on no state merged into constant moves."""
     plan = chains.plan
-    kind, number, constant = (
-        np.empty_like(plan.kind),
-        np.empty_like(plan.number),
-        np.empty_like(plan.constant),
-    )
+    kind, number = np.empty_like(plan.kind), np.empty_like(plan.number)
+    constant = np.empty_like(plan.constant)
     R, t, amount, no_axis = np.empty((3, 3, 1)), np.empty((3, 1)), np.empty(1), np.empty((3, 1))
     n, pending = 0, False
     _stay(R, t)
