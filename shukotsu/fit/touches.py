@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
-from shukotsu.fit.fingertips import PAD, Fingertips, fingertips_of, seen_parts
+from shukotsu.fit.fingertips import BONE, PAD, TIP, Fingertips, fingertips_of, seen_parts
 from shukotsu.fit.operations import Index
 from shukotsu.hand.rotations import Array, matrix
 from shukotsu.tables.poses import Poses
@@ -171,7 +171,7 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
     Raises
     ------
     InputError
-        If a digit has no fingertip.
+        If a digit has no fingertip, or a part is unknown.
 
     """
     equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
@@ -194,6 +194,8 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
 
 def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
     """Write a touch as an equation: the ends of two digits coincide, or one is at the point."""
+    if touch.part not in (BONE, TIP, PAD):
+        raise InputError(f"part {touch.part!r} of a fingertip is not known; expected bone, tip or pad")
     first, *other = touch.digits
     names = [tips[digit].receiver for digit in touch.digits]
     name = f"contact {number} ({first} and {other[0]})" if other else f"touch {number} ({first}, {names[0]})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,15 +60,31 @@ def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, "
         Point and covariance in the hand receiver's frame.
 
     """
-    digits = [np.ascontiguousarray(positions.T) for positions in mcp_mm]
-    point = nominal_mm
+    digits = tuple(
+        positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
+        for positions in mcp_mm
+        if len(positions)
+    )
+    return _estimate(digits, tuple(map(float, nominal_mm)))
+
+
+@lru_cache(maxsize=4)
+def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
+    """Estimate the wrist from positions (3, T) as bytes; cached, as models often share MCP joints."""
+    digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
+    nominal = np.array(nominal_mm)
+    point = nominal.copy()
+    hessian = np.eye(3) / NOMINAL_SD_MM**2
     for _ in range(50):
-        hessian, gradient = _normal_equations(digits, point, nominal_mm)
+        hessian, gradient = _normal_equations(digits, point, nominal)
         step = np.linalg.solve(hessian, gradient)
         point = point - step
         if np.linalg.norm(step) < 1e-9:
             break
-    return WristPoint(point, np.asarray(np.linalg.inv(hessian)))
+    covariance = np.linalg.inv(hessian)
+    for array in (point, covariance):
+        array.flags.writeable = False
+    return WristPoint(point, np.asarray(covariance))
 
 
 def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tuple[Array, Array]:
