@@ -111,8 +111,7 @@ class ViperDriver(TrackerDriver):
 
 
 def _replies(data: bytes) -> tuple[Reply, ...]:
-    settings = StreamSettings("viper", "binary", "cm", 240.0, ())
-    decoded = viper.ViperDecoder(settings).feed(data, final=True)
+    decoded = viper.ViperDecoder().feed(data, final=True)
     return tuple(reply for reply in decoded.replies if reply.command not in (viper.SINGLE, CONTINUOUS))
 
 
