@@ -7,7 +7,7 @@ from tracker_processes import PATIENCE_S
 
 from shukotsu.errors import InputError
 from shukotsu.tracker import conversation
-from shukotsu.tracker.conversation import Conversation, StopRequest
+from shukotsu.tracker.conversation import Conversation
 from shukotsu.tracker.port import Port
 
 PIECE = b"\xc3junk\r\n" * 1000
@@ -16,19 +16,12 @@ PIECE = b"\xc3junk\r\n" * 1000
 class FloodedPort(Port):
     """A port that always has more data than can be read, and accepts all that is sent."""
 
-    def __init__(self) -> None:
-        super().__init__("flood")
-        self.stop: StopRequest | None = None
-
     def read(self) -> bytes:
         """Return junk at once."""
         return PIECE
 
     def write(self, data: bytes) -> None:
-        """Accept a command, and ask the session to stop if it has a stop request."""
-        del data
-        if self.stop is not None:
-            self.stop.ask("SIGTERM")
+        """Accept a command."""
 
     def close(self) -> None:
         """Do nothing."""
@@ -42,7 +35,7 @@ def small_limits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small_limits")
 def test_unread_data_is_dropped_and_counted() -> None:
-    reader = Conversation(FloodedPort())
+    reader = Conversation(FloodedPort("flood"))
     end = time.monotonic() + PATIENCE_S
     while not reader.dropped_bytes and time.monotonic() < end:
         time.sleep(0.01)
@@ -56,7 +49,7 @@ def test_unread_data_is_dropped_and_counted() -> None:
 
 @pytest.mark.usefixtures("small_limits")
 def test_a_question_without_an_answer_ends() -> None:
-    reader, longest = Conversation(FloodedPort()), 0
+    reader, longest = Conversation(FloodedPort("flood")), 0
 
     def answer_in(data: bytes) -> None:
         nonlocal longest

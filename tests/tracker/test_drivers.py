@@ -7,8 +7,8 @@ import struct
 from contextlib import closing
 from pathlib import Path
 
-import numpy as np
 import pytest
+from captures import decoded
 from tracker_processes import StubbornTracker, at_a_port
 from tracker_streams import viper_closed, viper_reply
 
@@ -16,14 +16,12 @@ from shukotsu.errors import InputError
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker import conversation, viper_driver
 from shukotsu.tracker import liberty_driver as driver
-from shukotsu.tracker.archive import open_archive
-from shukotsu.tracker.conversation import Conversation, RecordingRequest, StopRequest, is_default_alignment
+from shukotsu.tracker.conversation import Conversation, RecordingRequest, StopRequest
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
-from shukotsu.tracker.liberty_driver import SETTINGS
+from shukotsu.tracker.liberty_driver import SETTINGS, is_default_alignment
 from shukotsu.tracker.port import SerialPort, open_port
 from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.session import DRIVERS, RecordingPlan, record
-from shukotsu.tracker.stream import Tally, blocks_of
 
 REQUEST = RecordingRequest(
     "liberty", asked_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True
@@ -91,7 +89,7 @@ def test_another_line_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) 
 
     def read(port: SerialPort) -> bytes:
         data = plain(port)
-        return data if port.baud == 38400 else bytes(255 - byte for byte in data)
+        return data if port.line_baud == 38400 else bytes(255 - byte for byte in data)
 
     monkeypatch.setattr(SerialPort, "read", read)
     monkeypatch.setattr(conversation, "OTHER_BAUDS", (38400, 19200))
@@ -192,10 +190,9 @@ def recorded(device: Viper, request: RecordingRequest, folder: Path) -> Path:
 
 
 def test_a_viper_is_set_up_and_recorded(tmp_path: Path) -> None:
-    device, tally = Viper(), Tally()
+    device = Viper()
     out = recorded(device, RecordingRequest("viper", no_filters=True), tmp_path)
-    blocks = list(blocks_of(open_archive(out), tally))
-    settings = blocks[0].settings
+    records, tally, settings = decoded(out)
     assert settings.stations == (1, 3)
     assert (settings.unit, settings.rate_hz) == ("cm", 240.0)
     assert "VIPER 16 1234" in settings.options["whoami"]
@@ -206,11 +203,10 @@ def test_a_viper_is_set_up_and_recorded(tmp_path: Path) -> None:
     assert device.settings[HEMISPHERE, 2, 0] == struct.pack("<I3f", 0, 1, 0, 0)
     assert device.settings[FILTER, 2, 1][:4] == bytes(4)
     assert not device.streaming
-    frames = np.concatenate([block.records.frame for block in blocks])
-    assert {*np.concatenate([block.records.station for block in blocks]).tolist()} == {1, 3}
-    assert blocks[0].records.position_mm[0].tolist() == [100.0, 200.0, 300.0]
-    assert frames.tolist() == [frame for frame in range(len(frames) // 2) for _ in settings.stations]
-    assert len(frames) > 2 * 6
+    assert {*records.station.tolist()} == {1, 3}
+    assert records.position_mm[0].tolist() == [100.0, 200.0, 300.0]
+    assert records.frame.tolist() == [frame for frame in range(len(records) // 2) for _ in settings.stations]
+    assert len(records) > 2 * 6
     assert tally.summary is not None
     assert tally.summary["lost_frames"] == 0
 
