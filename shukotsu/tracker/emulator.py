@@ -17,9 +17,9 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, PlayedMotion
+from shukotsu.tracker.emulated_device import EmulatedLiberty, PlayedMotion
 from shukotsu.tracker.liberty import FULL_LIST
-from shukotsu.tracker.records import StreamSettings
+from shukotsu.tracker.records import TRACK, StreamSettings
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20
@@ -49,8 +49,6 @@ class Emulator:
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Pass the client's bytes to the device and send its answer."""
-        if not data:
-            return
         self.run(now_ns)
         self.waiting += self.device.receive(data)
         if self.device.rate != self._rate:
@@ -249,12 +247,12 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
 
 
 def home_hemisphere(motion: PlayedMotion) -> tuple[float, float, float]:
-    """Return the axis nearest to the receivers' mean position if all stay on its side, else FOLLOWING."""
+    """Return the axis nearest to the receivers' mean position if all stay on its side, else TRACK."""
     positions = motion.position_mm.reshape(-1, 3)
     positions = positions[np.isfinite(positions).all(-1)]
     mean = positions.mean(0) if len(positions) else np.zeros(3)
     axis = int(np.argmax(np.abs(mean)))
     if not (positions[:, axis] * np.sign(mean[axis]) > 0).all():
-        return FOLLOWING
+        return TRACK
     x, y, z = np.where(np.arange(3) == axis, np.sign(mean), 0.0).tolist()
     return (x, y, z)
