@@ -33,30 +33,24 @@ PERIOD_CYCLES = 960
 class PlayedMotion:
     """Poses of receivers in T frames, one per cycle.
 
-    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN if the recording has no pose. loop : whether to
+    poses : (T, S, 7) positions in mm and quaternions, NaN if the recording has no pose. loop : whether to
     start again after the last frame; otherwise there are no poses after it. notes : parts of the file that
     cannot be played, one sentence each.
     """
 
     stations: tuple[int, ...]
-    position_mm: Array
-    quaternion: Array
+    poses: Array
     loop: bool = False
     notes: tuple[str, ...] = ()
 
-    def poses(self, count: Integers, station: int) -> tuple[Array, Array]:
-        """Return a receiver's positions in mm (T, 3) and quaternions (T, 4), NaN if there is no pose.
-
-        count : (T,) numbers of cycles, from 0.
-        """
-        position_mm, quaternion = np.full((len(count), 3), np.nan), np.full((len(count), 4), np.nan)
-        rows = count % len(self.position_mm) if self.loop else count
-        inside = rows < len(self.position_mm)
+    def poses_of(self, station: int, count: Integers) -> Array:
+        """Return a receiver's poses, (N, 7), NaN if there is none; count : (N,) numbers of cycles, from 0."""
+        poses = np.full((len(count), 7), np.nan)
+        rows = count % len(self.poses) if self.loop else count
+        inside = rows < len(self.poses)
         if station in self.stations:
-            column = self.stations.index(station)
-            position_mm[inside] = self.position_mm[rows[inside], column]
-            quaternion[inside] = self.quaternion[rows[inside], column]
-        return position_mm, quaternion
+            poses[inside] = self.poses[rows[inside], self.stations.index(station)]
+        return poses
 
 
 def built_in_motion() -> PlayedMotion:
@@ -67,22 +61,15 @@ def built_in_motion() -> PlayedMotion:
     bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # distal bones bend more
     x = 250 + 30 * bone + 40 * np.sin(phase)
     y = -45 + 30 * finger + 15 * np.cos(phase)
-    position = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
+    position_mm = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
     about_y = rotations.about_axis(np.array([0.0, 1.0, 0.0]), bend)
     about_z = rotations.about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.cos(phase) + 0.1 * finger)
-    return PlayedMotion(
-        tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True
-    )
+    poses = np.concatenate([position_mm, rotations.multiply(about_z, about_y)], -1)
+    return PlayedMotion(tuple(range(1, MAX_STATION + 1)), poses, loop=True)
 
 
 def recorded_motion(
-    frame: Integers,
-    station: Integers,
-    position_mm: Array,
-    quaternion: Array,
-    *,
-    loop: bool = False,
-    notes: Sequence[str] = (),
+    frame: Integers, station: Integers, poses: Array, *, loop: bool, notes: Sequence[str]
 ) -> PlayedMotion:
     """Return recorded poses as motion to play.
 
@@ -92,8 +79,8 @@ def recorded_motion(
     ----------
     frame, station : arrays, shape (N,)
         Frame and station of each pose. Poses of station 0 are not played, but their frames count.
-    position_mm, quaternion : arrays, shape (N, 3) and (N, 4)
-        Poses in the transmitter's frame.
+    poses : array, shape (N, 7)
+        Positions in mm and quaternions in the transmitter's frame.
     loop : bool
         Whether to start again after the last frame.
     notes : sequence of str
@@ -116,12 +103,9 @@ def recorded_motion(
             rows = counted[rows]
     played = station > 0
     stations = sorted(set(station[played].tolist()))
-    position = np.full((int(rows.max()) + 1, len(stations), 3), np.nan)
-    turned = np.full((len(position), len(stations), 4), np.nan)
-    columns = np.searchsorted(stations, station[played])
-    position[rows[played], columns] = position_mm[played]
-    turned[rows[played], columns] = quaternion[played]
-    return PlayedMotion(tuple(stations), position, turned, loop, (*remark, *notes))
+    motion = np.full((int(rows.max()) + 1, len(stations), 7), np.nan)
+    motion[rows[played], np.searchsorted(stations, station[played])] = poses[played]
+    return PlayedMotion(tuple(stations), motion, loop, (*remark, *notes))
 
 
 WRAP, BLOCK_CYCLES = 1 << 32, 120
@@ -216,19 +200,18 @@ class EmulatedLiberty:
         records: list[tuple[Bools, list[bytes]]] = []
         for column in np.flatnonzero(present.any(0)).tolist():
             station = self.stations[column]
-            position_mm, quaternion = self.motion.poses(passed, station)
-            measured = np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
-            numbers = self._numbers(station, passed, np.nan_to_num(position_mm), np.nan_to_num(quaternion))
+            poses = self.motion.poses_of(station, passed)
+            sent = present[:, column] & np.isfinite(poses).all(-1)
+            numbers = self._numbers(station, passed, np.nan_to_num(poses))
             encoded = self._binary if self._is_binary else self._text
-            records.append((present[:, column] & measured, encoded(station, numbers, command)))
+            records.append((sent, encoded(station, numbers, command)))
         return [
             b"".join(data[cycle] for there, data in records if there[cycle]) for cycle in range(len(cycles))
         ]
 
-    def _numbers(
-        self, station: int, passed: Integers, position_mm: Array, quaternion: Array
-    ) -> dict[str, Array | Integers]:
-        """Return the numbers of a station's records, field name -> (T,)."""
+    def _numbers(self, station: int, passed: Integers, poses: Array) -> dict[str, Array | Integers]:
+        """Return the numbers of a station's records, field name -> (T,); poses : (T, 7)."""
+        position_mm, quaternion = poses[:, :3], poses[:, 3:]
         hemisphere = self.numbers[b"H", station]
         if hemisphere != TRACK:  # outside its hemisphere a receiver's position is reported mirrored
             position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]

@@ -228,7 +228,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # its bytes wait until a piece below takes them
     device.receive(begin)
     begun_ns = emulator.due_ns
-    end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
+    end_ns = begun_ns + len(device.motion.poses) * SECOND_NS // int(device.rate) - 1
     ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
     for pieces, due_ns in enumerate(ticks_ns, 1):
         emulator.run(due_ns)
@@ -248,7 +248,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
 
 def home_hemisphere(motion: PlayedMotion) -> tuple[float, float, float]:
     """Return the axis nearest to the receivers' mean position if all stay on its side, else TRACK."""
-    positions = motion.position_mm.reshape(-1, 3)
+    positions = motion.poses[..., :3].reshape(-1, 3)
     positions = positions[np.isfinite(positions).all(-1)]
     mean = positions.mean(0) if len(positions) else np.zeros(3)
     axis = int(np.argmax(np.abs(mean)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 from contextlib import closing
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker import conversation, viper_driver
 from shukotsu.tracker import liberty_driver as driver
 from shukotsu.tracker.conversation import Conversation, RecordingRequest, StopRequest
-from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
+from shukotsu.tracker.emulated_device import built_in_motion
 from shukotsu.tracker.liberty_driver import SETTINGS, is_default_alignment
 from shukotsu.tracker.port import SerialPort, open_port
 from shukotsu.tracker.records import StreamSettings
@@ -47,9 +48,10 @@ def set_up(
 
 def stubborn(unheard: bytes = b"no command", heard: bytes = b"", *, before: bytes = b"") -> StubbornTracker:
     """Return a LIBERTY with two receivers that ignores some commands; before : sent by an earlier program."""
-    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), ports=4)
-    device.receive(before)
-    return StubbornTracker(device, unheard, heard)
+    tracker = StubbornTracker(built_in_motion(), frozenset({1, 2}), ports=4)
+    tracker.receive(before)
+    tracker.unheard, tracker.heard = unheard, heard
+    return tracker
 
 
 @pytest.mark.slow
@@ -79,7 +81,7 @@ def test_receivers_switched_off_earlier_are_switched_on_or_reported(obeys: bool)
     tracker = stubborn(b"no command" if obeys else b"\x152,1\r", before=b"\x152,0\r")
     settings, warnings = set_up(tracker, RecordingRequest("liberty"))
     assert settings.stations == ((1, 2) if obeys else (1,))
-    assert tracker.device.active() == settings.stations
+    assert tracker.active() == settings.stations
     assert warnings == ([] if obeys else ["receiver 2: cannot be switched on; not recorded"])
 
 
@@ -130,12 +132,12 @@ STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = 10, 11, 19, 20
 class Viper:
     """A VIPER left streaming by an earlier program: two sensors at 120 Hz in inches and degrees."""
 
-    period_s = 1 / 120
+    rate = Fraction(120)
 
     def __init__(self, deaf_to: tuple[int, ...] = ()) -> None:
         self.deaf_to = deaf_to
         self.streaming = True
-        self.frame = 12345
+        self.cycle, self.frame = 0, 12345
         self.settings: dict[tuple[int, ...], bytes] = {
             (UNITS, ANY, 0): struct.pack("<2I", 0, 0),
             (RATE, ANY, 0): struct.pack("<I", 2),
@@ -149,7 +151,7 @@ class Viper:
             for kind in (1, 2):
                 self.settings[FILTER, sensor, kind] = struct.pack("<I4f", 2, 0.2, 0.2, 0.8, 0.9)
 
-    def take(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Return the answers to commands."""
         out = b""
         while data:
@@ -171,8 +173,11 @@ class Viper:
         answer = self.settings.get(key, b"") if action == 1 else b""
         return viper_reply(command, answer, 3 if key in self.settings else 4)
 
-    def cycle(self) -> bytes:
+    def next_cycle(self) -> bytes:
         """Return the data of one cycle."""
+        self.cycle += 1
+        if not self.streaming:
+            return b""
         position, orientation = struct.unpack("<2I", self.settings[UNITS, ANY, 0])
         body = struct.pack("<4I", 7, self.frame, 0, 2)
         for sensor in (0, 2):

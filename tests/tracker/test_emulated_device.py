@@ -52,8 +52,9 @@ def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
 
 
 def flat(x_mm: np.ndarray) -> PlayedMotion:
-    position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
-    return PlayedMotion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
+    poses = np.tile([0.0, 300.0, 20.0, 1.0, 0.0, 0.0, 0.0], (len(x_mm), 1, 1))
+    poses[:, 0, 0] = x_mm
+    return PlayedMotion((1,), poses)
 
 
 def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
@@ -64,7 +65,7 @@ def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
 def test_a_receiver_that_leaves_the_hemisphere_is_mirrored() -> None:
     """Its orientation is unchanged; there is no flip if the hemisphere follows the receiver."""
     motion = flat(np.linspace(100, -100, 200))
-    true = motion.position_mm[:, 0] / 10
+    true = motion.poses[:, 0, :3] / 10
     seen = measured_cm(EmulatedLiberty(motion, frozenset({1})), 200)
     assert seen[:100, :3] == pytest.approx(true[:100], abs=1e-5)
     assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
@@ -83,10 +84,10 @@ def test_decoders_read_the_emulators_data(items: tuple[int, ...]) -> None:
     got = BinaryDecoder(settings("liberty", items, stations)).feed(cycles(tracker, 200), final=True)
     assert not got.skipped
     assert len(got.records) == 16 * 200
-    motion = built_in_motion()
-    cosine = np.einsum("ij,ij->i", got.records.quaternion, motion.quaternion[:200].reshape(-1, 4))
+    true = built_in_motion().poses[:200].reshape(-1, 7)
+    cosine = np.einsum("ij,ij->i", got.records.quaternion, true[:, 3:])
     assert np.abs(np.abs(cosine) - 1).max() < 1e-4
-    assert np.abs(got.records.position_mm - motion.position_mm[:200].reshape(-1, 3)).max() < 1e-4
+    assert np.abs(got.records.position_mm - true[:, :3]).max() < 1e-4
     if 9 in items:
         frame = np.repeat(np.arange(200), 16)
         assert (got.records.frame == frame).all()

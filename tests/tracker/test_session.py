@@ -13,13 +13,12 @@ import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from captures import decoded
-from tracker_processes import PATIENCE_S, SHUKOTSU, StubbornTracker, at_a_port, emulator, shukotsu
+from tracker_processes import PATIENCE_S, SHUKOTSU, at_a_port, emulator, shukotsu
 
 from shukotsu.commands import record_tracker
 from shukotsu.tables.line_printer import LinePrinter
@@ -132,15 +131,23 @@ def test_four_receivers_are_recorded_completely(emulated, tmp_path: Path, capsys
 # --- failures: the data kept, and the message for the user -----------------------------------------
 
 
-class Vanishing(StubbornTracker):
-    """A LIBERTY with four receivers that disappears in the middle of a record, after 300 frames."""
+class Silent(EmulatedLiberty):
+    """A LIBERTY that does not answer."""
+
+    def receive(self, _data: bytes) -> bytes:
+        """Ignore a command."""
+        return b""
+
+
+class Vanishing(EmulatedLiberty):
+    """A LIBERTY that disappears in the middle of a record, after 300 frames."""
 
     left, gone = 300, False
 
-    def cycle(self) -> bytes:
+    def next_cycle(self) -> bytes:
         """Return the data of one cycle, or in the last cycle half a record."""
-        data = super().cycle()
-        self.left -= self.device.streaming
+        data = super().next_cycle()
+        self.left -= self.streaming
         self.gone = self.left < 0
         return data[:20] if self.gone else data
 
@@ -148,7 +155,7 @@ class Vanishing(StubbornTracker):
 @pytest.mark.slow
 def test_a_silent_port_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
-    with at_a_port(SimpleNamespace(streaming=False, take=lambda _: b"")) as port:
+    with at_a_port(Silent(built_in_motion(), frozenset())) as port:
         done = shukotsu("record", "--port", port, "--out", str(out))
     assert done.returncode == 2
     assert f"error: {port}: nothing answers" in error_line(done.stderr)
@@ -159,8 +166,7 @@ def test_a_silent_port_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_tracker_that_disappears_leaves_a_readable_recording(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
-    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
-    with at_a_port(Vanishing(device)) as port:
+    with at_a_port(Vanishing(built_in_motion(), frozenset({1, 2, 3, 4}))) as port:
         done = shukotsu("record", "--port", port, "--out", str(out))
     assert done.returncode == 3, done.stderr
     message = error_line(done.stderr)
