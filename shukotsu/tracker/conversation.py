@@ -200,7 +200,7 @@ class Conversation:
         """Store and return all chunks received so far; wait_s : longest time to wait for the first one."""
         chunks = []
         with suppress(queue.Empty):
-            chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
+            chunks.append(self._chunks.get(timeout=wait_s))
             chunks += [self._chunks.get_nowait() for _ in range(self._chunks.qsize())]
         self._taken_bytes += sum(len(chunk.data) for chunk in chunks)
         if self._archive is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,8 +72,7 @@ def record(
     Raises InputError if nothing could be recorded; then no archive is left.
     """
     archive = ArchiveWriter(plan.out, about, utc_offset_ns)
-    conversation = Conversation(port, archive, lambda: bool(stop))
-    try:
+    with closing(Conversation(port, archive, lambda: bool(stop))) as conversation:
         try:
             printer.say(f"setting up the tracker at {port.name} ...")
             driver = DRIVERS[plan.request.family](conversation, plan.request)
@@ -101,8 +100,6 @@ def record(
                 conversation.keep()
                 archive.close({"reason": f"internal error ({error!r})"}, time.perf_counter_ns())
             raise
-    finally:
-        conversation.close()
 
 
 @dataclass
@@ -300,33 +297,31 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
 
     Raises InputError if it does not answer as expected.
     """
-    conversation = Conversation(port, stopped=lambda: bool(stop))
-    try:
-        driver = DRIVERS[request.family](conversation, request)
-        settings = driver.set_up()
-        yield from answer_lines(settings, driver.warnings, port.line_baud)
-        decoder, statistics = ChunkDecoder(settings), display.Statistics(settings, time.perf_counter_ns())
+    with closing(Conversation(port, stopped=lambda: bool(stop))) as conversation:
         try:
-            driver.start()
-            end = time.perf_counter() + STREAM_S
-            while time.perf_counter() < end:
-                for chunk in conversation.listen(0.1):
-                    decoder.add(chunk.data, chunk.host_ns)
-                received_bytes = decoder.waiting_bytes
-                statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
-        finally:
-            driver.stop()
-        totals = statistics.totals(time.perf_counter_ns())
-        if not totals["records"]:
-            raise InputError(f"{port.name}: the tracker was told to stream, but sent no record")
-        notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
-        yield from ["", *display.totals_table(totals), *notes]
-    except PortGoneError as error:
-        raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
-    except StoppedError:
-        yield f"ended ({stop.reason})"
-    finally:
-        conversation.close()
+            driver = DRIVERS[request.family](conversation, request)
+            settings = driver.set_up()
+            yield from answer_lines(settings, driver.warnings, port.line_baud)
+            decoder, statistics = ChunkDecoder(settings), display.Statistics(settings, time.perf_counter_ns())
+            try:
+                driver.start()
+                end = time.perf_counter() + STREAM_S
+                while time.perf_counter() < end:
+                    for chunk in conversation.listen(0.1):
+                        decoder.add(chunk.data, chunk.host_ns)
+                    received_bytes = decoder.waiting_bytes
+                    statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
+            finally:
+                driver.stop()
+            totals = statistics.totals(time.perf_counter_ns())
+            if not totals["records"]:
+                raise InputError(f"{port.name}: the tracker was told to stream, but sent no record")
+            notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
+            yield from ["", *display.totals_table(totals), *notes]
+        except PortGoneError as error:
+            raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
+        except StoppedError:
+            yield f"ended ({stop.reason})"
 
 
 def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None) -> list[str]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
@@ -48,11 +47,11 @@ class RecordBlock:
     settings: StreamSettings
     records: Records
     host_ns: Integers
-    out_of_order: npt.NDArray[np.bool_]
+    out_of_order: Bools
     skipped: tuple[Skipped, ...]
 
     @property
-    def good(self) -> npt.NDArray[np.bool_]:
+    def good(self) -> Bools:
         """Whether each record's frame, station and numbers are plausible, (N,)."""
         return np.asarray(~(self.records.doubtful | self.out_of_order))
 

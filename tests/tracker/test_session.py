@@ -10,8 +10,8 @@ import re
 import resource
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -68,15 +68,6 @@ def assert_complete(path: Path) -> None:
     assert tally.summary["records"] == len(records), "records after the stop are counted too"
 
 
-@pytest.fixture
-def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
-    """Function that starts an emulated tracker with options of the emulator and returns its port."""
-    with ExitStack() as running:
-        yield lambda *options, tcp=False: running.enter_context(
-            emulator(*options, port=("--tcp", "0") if tcp else ("--pty", str(tmp_path / "tracker")))
-        )
-
-
 @contextmanager
 def recorder(port: str, out: Path, **how: Any) -> Iterator[subprocess.Popen[str]]:
     """Start the recorder and leave it running; it is killed at the end of the context."""
@@ -96,19 +87,20 @@ def error_line(stderr: str) -> str:
 
 
 @pytest.mark.slow
-def test_four_receivers_are_recorded_completely(emulated, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_four_receivers_are_recorded_completely(tmp_path: Path, capsys, monkeypatch) -> None:
     """The tracker was left streaming. No frame is lost, and the archive contains all that is needed to read
     it.
     """
     monkeypatch.setattr(session, "LOOK_S", 0.2)
-    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program left it streaming
-    os.write(descriptor, b"F1\rU1\rO*,2,4,9,1\rC\r")
-    while not os.read(descriptor, 1):
-        continue
-    os.close(descriptor)
+    port, out = str(tmp_path / "tracker"), tmp_path / "rom.arrows"
     argv = ["--port", port, "--out", str(out), "--duration", "0.6", "--note", "first", "--note", "second"]
-    assert record_tracker.main(argv) == 0
+    with emulator("--stations", "1-4", port=("--pty", port)):
+        descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program left it streaming
+        os.write(descriptor, b"F1\rU1\rO*,2,4,9,1\rC\r")
+        while not os.read(descriptor, 1):
+            continue
+        os.close(descriptor)
+        assert record_tracker.main(argv) == 0
     printed = capsys.readouterr()
     assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 0\.6\)", printed.out)
     assert "4 of 4 receivers" in printed.err
@@ -183,9 +175,9 @@ def test_a_tracker_that_disappears_leaves_a_readable_recording(tmp_path: Path) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
-    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    with recorder(port, out) as process:
+def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
+    with emulator("--stations", "1-4") as port, recorder(port, out) as process:
         assert process.stderr is not None
         assert any(" Hz " in line for line in iter(process.stderr.readline, "")), "it ended early"
         process.send_signal(number)
@@ -200,13 +192,13 @@ def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, emulated
 
 
 @pytest.mark.slow
-def test_a_full_disk_ends_the_recording_and_leaves_it_readable(emulated, tmp_path: Path) -> None:
-    port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
+def test_a_full_disk_ends_the_recording_and_leaves_it_readable(tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 
-    with recorder(port, out, preexec_fn=limit) as process:
+    with emulator(port=("--tcp", "0")) as port, recorder(port, out, preexec_fn=limit) as process:
         _, stderr = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 3
     assert f"error: {port}: the disk takes no more (File too large) after" in error_line(stderr)
@@ -218,7 +210,7 @@ def test_a_full_disk_ends_the_recording_and_leaves_it_readable(emulated, tmp_pat
 
 
 @pytest.mark.slow
-def test_setting_the_hosts_clock_is_noted_and_does_no_harm(emulated, tmp_path: Path) -> None:
+def test_setting_the_hosts_clock_is_noted_and_does_no_harm(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     calls, stop = 0, StopRequest()
 
@@ -229,10 +221,9 @@ def test_setting_the_hosts_clock_is_noted_and_does_no_harm(emulated, tmp_path: P
             stop.ask("enough")
         return 10**18 - (3600 * 10**9 if calls > 700 else 0)
 
-    port = open_port(emulated("--stations", "1"), 115200)
     plan = RecordingPlan(out, RecordingRequest("liberty"))
-    ending = record(plan, port, LinePrinter(io.StringIO()), stop, {}, utc_offset_ns)
-    port.close()
+    with emulator("--stations", "1") as name, closing(open_port(name, 115200)) as port:
+        ending = record(plan, port, LinePrinter(io.StringIO()), stop, {}, utc_offset_ns)
     assert not ending.failed
     assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not affected",)
     records, tally, _ = decoded(out)
