@@ -150,7 +150,8 @@ class Skipped:
 class Reply:
     """An answer of the tracker, which is not a pose record.
 
-    command : command byte that it answers; error : code of its error letter or number, 0 for none.
+    station : of LIBERTY and PATRIOT, otherwise 0. command : command byte that it answers; error : code of its
+    error letter or number, 0 for none.
     """
 
     offset: int

@@ -139,9 +139,8 @@ def _reply(b: Bytes, at: int, end: int) -> Reply:
     body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
     if b[at + 3] == POSE_PREAMBLE[3]:
         return Reply(at, 0, CONTINUOUS, 0, body)
-    _, command, action, sensor, _ = struct.unpack_from("<5I", body)
-    station = sensor + 1 if sensor < SENSORS else 0
-    return Reply(at, station, command, action if action in (REFUSED, WARNED) else 0, body)
+    _, command, action = struct.unpack_from("<3I", body)
+    return Reply(at, 0, command, action if action in (REFUSED, WARNED) else 0, body)
 
 
 def _records_of_size(rows: Bytes, at: Integers) -> Records:
