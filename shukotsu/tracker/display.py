@@ -23,16 +23,16 @@ class Receiver:
 
     margin : p . h / |p|, sine of the angle by which it is inside its hemisphere; NaN if the tracker follows
     it or if it has no position. errors, worst_distortion, least_margin : since the start; the other fields :
-    of the newest records.
+    of the newest records. last_host_ns : of the newest record, or else of the start.
     """
 
+    last_host_ns: int
     errors: int = 0
     error: int = 0
     distortion: int = 0
     worst_distortion: int = 0
     margin: float = np.nan
     least_margin: float = np.nan
-    last_host_ns: int = 0
 
 
 class Statistics:
@@ -44,7 +44,7 @@ class Statistics:
     """
 
     def __init__(self, settings: StreamSettings, start_ns: int) -> None:
-        self.receivers = {station: Receiver() for station in settings.stations}
+        self.receivers = {station: Receiver(start_ns) for station in settings.stations}
         self.skipped_bytes = self.received_bytes = 0
         self.silences: list[tuple[int, float, float]] = []
         self._losses = Losses(settings)
@@ -57,7 +57,7 @@ class Statistics:
         self.skipped_bytes += sum(skip.size for skip in block.skipped)
         self.heard_ns = now_ns if received_bytes else self.heard_ns
         for station in np.unique(block.records.station).tolist():
-            receiver = self.receivers.setdefault(station, Receiver())
+            receiver = self.receivers.setdefault(station, Receiver(self._start_ns))
             rows = np.flatnonzero((block.records.station == station) & block.good)
             if len(rows):
                 self._count(receiver, station, block, rows)
@@ -65,9 +65,9 @@ class Statistics:
 
     def absent(self) -> set[int]:
         """Return the receivers that send nothing while others do."""
-        heard_ns = {s: receiver.last_host_ns or self._start_ns for s, receiver in self.receivers.items()}
-        latest_ns = max((receiver.last_host_ns for receiver in self.receivers.values()), default=0)
-        return {station for station, last_ns in heard_ns.items() if latest_ns - last_ns > ABSENT_S * 1e9}
+        last_ns = {station: receiver.last_host_ns for station, receiver in self.receivers.items()}
+        latest_ns = max(last_ns.values(), default=0)
+        return {station for station, ns in last_ns.items() if latest_ns - ns > ABSENT_S * 1e9}
 
     def totals(self, now_ns: int) -> dict[str, Any]:
         """Return the counts of the recording, as if it ended now, as JSON types.

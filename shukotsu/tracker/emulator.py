@@ -188,9 +188,8 @@ def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], boo
     """Run the emulator by the monotonic clock until `stopped` returns true."""
     while not stopped():
         emulator.run(time.perf_counter_ns())
-        wait_s = max(0.0, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
-        if not (emulator.device.streaming or emulator.waiting):
-            wait_s = max(wait_s, _IDLE_S)
+        shortest_s = 0.0 if emulator.device.streaming or emulator.waiting else _IDLE_S
+        wait_s = max(shortest_s, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
         readable, _, _ = select.select(port.readable, [], [], wait_s)
         if readable:
             emulator.receive(port.read(), time.perf_counter_ns())

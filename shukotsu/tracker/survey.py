@@ -150,12 +150,10 @@ class Survey:
         records, good = block.records, block.good
         for skip in block.skipped:
             row = int(np.searchsorted(records.offset, skip.offset)) - 1
-            frame = int(records.frame[row]) if row >= 0 else self.losses.newest_frame
+            first, frame = skip.offset, int(records.frame[row]) if row >= 0 else self.losses.newest_frame
             if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # continues across two blocks
-                offset, size, frame = self.skipped.pop()
-                self.skipped.append((offset, size + skip.size, frame))
-            else:
-                self.skipped.append((skip.offset, skip.size, frame))
+                first, _, frame = self.skipped.pop()
+            self.skipped.append((first, skip.offset + skip.size - first, frame))
         self.doubtful.add(records, records.doubtful)
         self.out_of_order.add(records, block.out_of_order & ~records.doubtful)
         self.distorted.add(records, (records.distortion > 0) & good)

@@ -1,6 +1,7 @@
 """Conversations with a port that floods: bounded memory and bounded questions."""
 
 import time
+from contextlib import closing
 
 import pytest
 from tracker_processes import PATIENCE_S
@@ -49,17 +50,10 @@ def test_unread_data_is_dropped_and_counted() -> None:
 
 @pytest.mark.usefixtures("small_limits")
 def test_a_question_without_an_answer_ends() -> None:
-    reader, longest = Conversation(FloodedPort("flood")), 0
-
-    def answer_in(data: bytes) -> None:
-        nonlocal longest
-        longest = max(longest, len(data))
-
-    try:
+    lengths: list[int] = []
+    with closing(Conversation(FloodedPort("flood"))) as reader:
         with pytest.raises(InputError, match=r"^flood: the device there is not a tracker: it sent \d+ MB be"):
-            reader.ask(b"?", answer_in, PATIENCE_S)
-        assert longest <= conversation.ANSWER_BYTES + 11 * len(PIECE)
+            reader.ask(b"?", lambda data: lengths.append(len(data)), PATIENCE_S)
+        assert max(lengths) <= conversation.ANSWER_BYTES + 11 * len(PIECE)
         reader.frames_began = True
         assert reader.receive(PATIENCE_S), "the number of frames is not limited"
-    finally:
-        reader.close()
