@@ -282,7 +282,7 @@ class TrackerDriver:
         port = self._conversation.port
         first_baud, heard_at_first = port.line_baud, b""
         bauds = [] if first_baud is None else [baud for baud in OTHER_BAUDS if baud != first_baud]
-        for baud in (None, *bauds):
+        for baud in (None, *bauds):  # None: at the rate that the port has
             if baud is not None:
                 port.set_baud(baud)
             identity, heard = attempt()
@@ -324,6 +324,7 @@ class TrackerDriver:
         """Raise InputError if a setting differs from the value sent; reported : None without an answer."""
         same = reported == sent
         if isinstance(reported, tuple) and isinstance(sent, tuple) and len(reported) == len(sent):
+            # numbers are compared to 0.01
             same = all(abs(a - b) < 0.01 for a, b in zip(reported, sent, strict=True))
         if same:
             return

@@ -150,7 +150,8 @@ class Survey:
         records, good = block.records, block.good
         for skip in block.skipped:
             row = int(np.searchsorted(records.offset, skip.offset)) - 1
-            first, frame = skip.offset, int(records.frame[row]) if row >= 0 else self.losses.newest_frame
+            first = skip.offset
+            frame = int(records.frame[row]) if row >= 0 else self.losses.newest_frame
             if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # continues across two blocks
                 first, _, frame = self.skipped.pop()
             self.skipped.append((first, skip.offset + skip.size - first, frame))
