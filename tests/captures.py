@@ -1,4 +1,4 @@
-"""Raw captures written field by field, as a LIBERTY sends them."""
+"""Raw captures written field by field, as a LIBERTY sends them, and decoding captures."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import struct
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.records import StreamSettings
+from shukotsu.tracker.archive import ArchiveWriter, open_archive
+from shukotsu.tracker.records import Records, StreamSettings, concatenate_records
+from shukotsu.tracker.stream import Tally, blocks_of
 
 ITEMS = (8, 9, 11, 3, 7)
 RATE_HZ = 240.0
@@ -54,3 +55,10 @@ def write(
     else:
         writer.flush()
     return path
+
+
+def decoded(path: Path) -> tuple[Records, Tally, StreamSettings]:
+    """Return the records of a capture, its other content, and the tracker's settings."""
+    tally = Tally()
+    blocks = list(blocks_of(open_archive(path), tally))
+    return concatenate_records([block.records for block in blocks]), tally, blocks[0].settings

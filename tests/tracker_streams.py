@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from shukotsu.tracker.records import Decoded, PiecewiseDecoder, Reply, StreamSettings, concatenate_records
+from shukotsu.tracker.records import Decoded, PiecewiseDecoder, StreamSettings, concatenate_records
 
 Numbers = tuple[float, ...]
 
@@ -97,19 +97,13 @@ def decode(decoder: PiecewiseDecoder, data: bytes) -> Decoded:
         tuple(skip for part in parts for skip in part.skipped),
         tuple(reply for part in parts for reply in part.replies),
     )
-    stretches: list[tuple[int, int | Reply]] = [(skip.offset, skip.size) for skip in decoded.skipped]
-    stretches += zip(decoded.records.offset.tolist(), decoded.records.size.tolist(), strict=True)
-    stretches += [(reply.offset, reply) for reply in decoded.replies]
-    stretches.sort(key=lambda stretch: stretch[0])
-    offset = 0
-    ends = [*(first for first, _ in stretches), len(data)][1:]
-    for (first, size), following in zip(stretches, ends, strict=True):
-        assert first == offset, f"byte {offset} belongs to no part or to two"
-        if isinstance(size, Reply):
-            assert 0 <= following - first - len(size.body) <= MOST_FRAMING, f"reply at {first}"
-            offset = following
-        else:
-            assert size > 0, f"empty part at {first}"
-            offset += size
-    assert offset == len(data)
+    stretches = [(skip.offset, skip.size, 0) for skip in decoded.skipped]
+    offsets, sizes = decoded.records.offset.tolist(), decoded.records.size.tolist()
+    stretches += [(offset, size, 0) for offset, size in zip(offsets, sizes, strict=True)]
+    stretches += [(reply.offset, len(reply.body), MOST_FRAMING) for reply in decoded.replies]
+    stretches.sort()
+    starts = [offset for offset, _, _ in stretches]
+    assert starts[0] == 0
+    for (offset, size, framing), end in zip(stretches, [*starts[1:], len(data)], strict=True):
+        assert 0 < size <= end - offset <= size + framing, f"byte {offset}: a gap, overlap or empty part"
     return decoded

@@ -111,9 +111,9 @@ class Estimate:
     rows: Rows
 
     @property
-    def open_joints(self) -> list[str]:
-        """Joints whose verdict is not yet "believe"."""
-        return [name for name, row in self.rows.items() if row["verdict"] != BELIEVE]
+    def open_sd_mm(self) -> dict[str, float]:
+        """Errors (sd_mm) of the joints whose verdict is not yet "believe"."""
+        return {joint: float(row["sd_mm"]) for joint, row in self.rows.items() if row["verdict"] != BELIEVE}
 
 
 def estimate(coached: CoachedHand, poses: Poses) -> Estimate:
@@ -168,7 +168,7 @@ class Request:
 
     movement: Movement
     began_s: float
-    sd_mm: Mapping[str, float] = field(default_factory=dict)
+    sd_mm: Mapping[str, float]
 
 
 @dataclass
@@ -244,13 +244,12 @@ class Coach:
             return f"Not calibrated: {self.findings[0]}"
         if self.calibration.estimate is None:
             return f"Not calibrated: {count_of(self.frames, 'frame', 'show')} no hand yet."
-        left, seconds = self.calibration.estimate.open_joints, self.time_s - self.calibration.began_s
+        left, seconds = self.calibration.estimate.open_sd_mm, self.time_s - self.calibration.began_s
         n_joints = len(self.calibration.estimate.rows)
         text = f"{n_joints - len(left)} of {count_of(n_joints, 'joint')} good enough after {seconds:.0f} s"
         if not left:
             return f"{text}."
-        rows = [self.calibration.estimate.rows[joint] for joint in left]
-        text += "; left are " + ", ".join(f"{row['joint']} at {row['sd_mm']:.2f} mm" for row in rows)
+        text += "; left are " + ", ".join(f"{joint} at {sd_mm:.2f} mm" for joint, sd_mm in left.items())
         return " ".join([f"{text}.", *(f"What would help: {line}" for line in self.gains()[:1])])
 
     def gains(self) -> list[str]:
@@ -261,7 +260,7 @@ class Coach:
         now = self.calibration
         self.time_s = float(poses.time_s[0])
         if now.request is None and now.estimate is None and not self.findings:
-            self._ask(MOVEMENTS[FIRST])
+            self._ask(MOVEMENTS[FIRST], {})
         now.kept.add(poses)
         self.frames += len(poses.frame)
         self.time_s = float(poses.time_s[-1])
@@ -288,8 +287,9 @@ class Coach:
                     "start again."
                     for moved in displaced_in(now.estimate.tips.fit, [now.kept.poses()]).loose
                 }
-                for segment in now.loose.keys() - before.keys():
-                    self._say(now.loose[segment])
+                for segment, sentence in now.loose.items():
+                    if segment not in before:
+                        self._say(sentence)
 
     def _check(self) -> None:
         """Check the newest frames like a recording; findings suspend the requests."""
@@ -322,65 +322,63 @@ class Coach:
         now = self.calibration
         if self.findings or now.newest is None:
             return
-        before = None if now.estimate is None else now.estimate.open_joints
+        before = None if now.estimate is None else now.estimate.open_sd_mm.keys()
         try:
             now.estimate = estimate(self.hand, now.kept.poses())
         except InputError as error:
             if not self.log or "No estimate" not in self.log[-1][1]:
                 self._say(f"No estimate yet: {error}.")
             return
-        rows, still_open = now.estimate.rows, now.estimate.open_joints
-        if still_open != before and still_open:
-            worst = max(still_open, key=lambda joint: float(rows[joint]["sd_mm"]))
+        n_joints, left = len(now.estimate.rows), now.estimate.open_sd_mm
+        if left and left.keys() != before:
+            worst = max(left, key=lambda joint: left[joint])
             self._say(
-                f"{len(rows) - len(still_open)} of {count_of(len(rows), 'joint')} good enough; the least "
-                f"certain is {worst} at {rows[worst]['sd_mm']:.2f} mm"
+                f"{n_joints - len(left)} of {count_of(n_joints, 'joint')} good enough; the least certain is "
+                f"{worst} at {left[worst]:.2f} mm"
             )
 
     def _advise(self, current: Estimate) -> None:
         """Request the most useful movement once the current one is done or was tried, or report "enough"."""
-        now, before = self.calibration, self.phase
+        now, before, wanted_mm = self.calibration, self.phase, self.hand.layout.wanted_mm
         if before == ENOUGH:
-            worst_mm = max((_sd_mm(current, joint) for joint in self._useful(current)), default=0.0)
-            if worst_mm <= AGAIN * self.hand.layout.wanted_mm:
+            worst_mm = max(self._useful(current).values(), default=0.0)
+            if worst_mm <= AGAIN * wanted_mm:
                 return
             self.phase = CALIBRATING
         if now.request is not None:
             if not self._is_over(now.request, current):
                 return
             for joint in now.request.movement.range_deg.keys() & now.request.sd_mm.keys():
-                now.vain[joint] += _sd_mm(current, joint) > (1 - WORTH) * now.request.sd_mm[joint]
+                now.vain[joint] += current.rows[joint]["sd_mm"] > (1 - WORTH) * now.request.sd_mm[joint]
             now.done.add(now.request.movement.name)
-        weight = {
-            joint: _sd_mm(current, joint) - self.hand.layout.wanted_mm for joint in self._useful(current)
-        }
+        weight = {joint: sd_mm - wanted_mm for joint, sd_mm in self._useful(current).items()}
         rates = {
             name: sum(weight.get(joint, 0.0) for joint in movement.range_deg) / (movement.seconds + LISTEN_S)
             for name, movement in MOVEMENTS.items()
             if name not in now.done and weight.keys() & movement.range_deg.keys()
         }
         if rates:
-            self._ask(MOVEMENTS[max(rates, key=lambda name: rates[name])], current)
+            self._ask(MOVEMENTS[max(rates, key=lambda name: rates[name])], current.open_sd_mm)
             return
         self.phase, now.request = ENOUGH, None
         self.advice = f"Enough: {self.summary()}"
         if before != ENOUGH:  # report it once; afterwards only its numbers change
             self._say(self.advice)
 
-    def _useful(self, current: Estimate) -> list[str]:
-        """Return the joints that are not good enough and that further movements may improve."""
-        return [joint for joint in current.open_joints if self.calibration.vain[joint] < MOST_VAIN]
+    def _useful(self, current: Estimate) -> dict[str, float]:
+        """Return the errors (sd_mm) of joints that are not good enough and that movements may improve."""
+        vain = self.calibration.vain
+        return {joint: sd_mm for joint, sd_mm in current.open_sd_mm.items() if vain[joint] < MOST_VAIN}
 
     def _is_over(self, request: Request, current: Estimate) -> bool:
         """Return whether a movement is done, judged by the joints that need it, or has timed out."""
         movement, elapsed_s = request.movement, self.time_s - request.began_s
-        needed = movement.range_deg.keys() & set(current.open_joints)
+        needed = movement.range_deg.keys() & current.open_sd_mm.keys()
         shown = all(current.rows[joint]["range_deg"] >= movement.range_deg[joint] for joint in needed)
         waited_s = movement.seconds if shown else PATIENCE * movement.seconds + LISTEN_S
         return not needed or elapsed_s >= waited_s
 
-    def _ask(self, movement: Movement, current: Estimate | None = None) -> None:
-        sd_mm = {} if current is None else {joint: _sd_mm(current, joint) for joint in current.open_joints}
+    def _ask(self, movement: Movement, sd_mm: Mapping[str, float]) -> None:
         self.calibration.request = Request(movement, self.time_s, sd_mm)
         self.advice = movement.sentence
         self._say(f">> {movement.sentence}")
@@ -404,7 +402,3 @@ def joint_lines(current: Estimate | None) -> list[str]:
 def first_reason(row: Mapping[str, object]) -> str:
     """Return the first reason why a joint is not believed, or "" if it is."""
     return "" if row["verdict"] == BELIEVE else next(iter(reasons_of(row)), "")
-
-
-def _sd_mm(current: Estimate, joint: str) -> float:
-    return float(current.rows[joint]["sd_mm"])

@@ -15,10 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.arrays import Array
-from shukotsu.readers.formats.raw_capture import segments_of_receivers
+from shukotsu.arrays import Array, Bools
 from shukotsu.readers.jumps import spikes
 from shukotsu.readers.poses_table import NORM_TOLERANCE
 from shukotsu.study.layout import Layout
@@ -40,12 +38,10 @@ class LivePoses:
     """Decoder of an archive's pieces, in order, into poses. where : name of the archive, for messages."""
 
     def __init__(self, layout: Layout, where: Path) -> None:
-        self._layout, self._where = layout, where
+        self._layout = layout
         self._reader = PieceReader(where, Tally())
-        self._segment: npt.NDArray[np.int64] = np.full(256, -1)
-        self._stations: set[int] = set()
+        self._segment = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
         self._first: int | None = None
-        self._rate_hz = 0.0
         self._waiting = np.zeros(0, _RECORD)
         self._mirrored = np.ones(len(layout.measured))
         self._before = np.full((len(layout.measured), 3), np.nan)
@@ -56,31 +52,22 @@ class LivePoses:
         return self._reader.tally.summary is not None
 
     def add(self, piece: Piece) -> Poses | None:
-        """Add a piece; return the frames that it completes, or None.
-
-        Raises InputError if the recording's stations are not those of the layout.
-        """
+        """Add a piece; return the frames that it completes, or None."""
         self._reader.add(piece)
         decoder = self._reader.decoder
         if decoder is None or not (decoder.waiting_bytes or self.ended):
             return None
         block = decoder.decode(final=self.ended)
-        self._rate_hz = block.settings.rate_hz
         records = block.records.take(block.good)
-        stations = {*np.unique(records.station).tolist()}
-        if not stations <= self._stations:
-            self._stations |= stations
-            seats = segments_of_receivers(self._where, block.settings, self._stations, self._layout, None)
-            self._segment[list(seats)] = list(seats.values())
         numbers = np.concatenate([records.position_mm, records.quaternion], -1)
         numbers[np.isin(records.error, list(SOURCE_FAILURES))] = np.nan
         rows = np.zeros(len(numbers), _RECORD)
-        rows["frame"], rows["segment"] = records.frame, self._segment[records.station]
-        rows["numbers"] = numbers
+        rows["frame"], rows["numbers"] = records.frame, numbers
+        rows["segment"] = [self._segment.get(station, -1) for station in records.station.tolist()]
         self._waiting = np.concatenate([self._waiting, rows])
-        return self._whole()
+        return self._whole(block.settings.rate_hz)
 
-    def _whole(self) -> Poses | None:
+    def _whole(self, rate_hz: float) -> Poses | None:
         last = int(self._waiting["frame"].max(initial=0))
         whole = self._waiting["frame"] <= (last if self.ended else last - LATE_FRAMES)
         ready, self._waiting = self._waiting[whole], self._waiting[~whole]
@@ -91,34 +78,29 @@ class LivePoses:
         numbers[row[worn], ready["segment"][worn]] = ready["numbers"][worn]
         if self._first is None:
             self._first = int(frame[0])
-        time_s = np.asarray((frame - self._first) / self._rate_hz, float)
+        time_s = np.asarray((frame - self._first) / rate_hz, float)
         valid = np.isfinite(numbers).all(-1)
         norm = np.linalg.norm(numbers[..., 3:], axis=-1)
         valid &= np.abs(norm - 1) <= NORM_TOLERANCE
         numbers[..., 3:] /= np.where(valid, norm, 1.0)[..., None]
-        valid &= self._one_side(numbers[..., :3], valid)
         for column in range(valid.shape[1]):
             rows = np.flatnonzero(valid[:, column])
-            valid[rows[spikes(numbers[rows, column])], column] = False
+            if len(rows):
+                valid[rows, column] = self._on_one_side(numbers[rows, column, :3], column)
+                rows = rows[valid[rows, column]]
+                valid[rows[spikes(numbers[rows, column])], column] = False
         measured = self._layout.measured
         return Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid)
 
-    def _one_side(self, position_mm: Array, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return whether each pose (T, S) is on the side of the transmitter on which its receiver began."""
-        same = np.ones(valid.shape, bool)
-        for column in range(valid.shape[1]):
-            rows = np.flatnonzero(valid[:, column])
-            if not len(rows):
-                continue
-            at_mm = position_mm[rows, column]
-            before = np.concatenate([self._before[[column]], at_mm[:-1]])
-            step, mirrored = np.linalg.norm(at_mm - before, axis=1), np.linalg.norm(at_mm + before, axis=1)
-            sign = self._mirrored[column] * np.cumprod(
-                np.where((step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step), -1.0, 1.0)
-            )
-            same[rows, column] = sign > 0
-            self._mirrored[column], self._before[column] = sign[-1], at_mm[-1]
-        return same
+    def _on_one_side(self, at_mm: Array, column: int) -> Bools:
+        """Return whether positions (N, 3) are on the side of the transmitter on which the receiver began."""
+        before = np.concatenate([self._before[[column]], at_mm[:-1]])
+        step, mirrored = np.linalg.norm(at_mm - before, axis=1), np.linalg.norm(at_mm + before, axis=1)
+        sign = self._mirrored[column] * np.cumprod(
+            np.where((step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step), -1.0, 1.0)
+        )
+        self._mirrored[column], self._before[column] = sign[-1], at_mm[-1]
+        return np.asarray(sign > 0)
 
 
 MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
@@ -133,18 +115,16 @@ class EvenFrames:
 
     def __init__(self) -> None:
         self._parts: list[Poses] = []
-        self._stride, self._seen, self._kept = 1, 0, 0
+        self._stride, self._seen = 1, 0
 
     def add(self, poses: Poses) -> None:
         """Add frames, in order."""
         rows = np.arange(self._seen, self._seen + len(poses.frame)) % self._stride == 0
         self._seen += len(poses.frame)
         self._parts.append(poses.take(np.flatnonzero(rows)))
-        self._kept += int(rows.sum())
-        while self._kept > MOST_FRAMES:
-            whole = self.poses().take(slice(None, None, 2))
+        while self._seen > MOST_FRAMES * self._stride:
             self._stride *= 2
-            self._parts, self._kept = [whole], len(whole.frame)
+            self._parts = [self.poses().take(slice(None, None, 2))]
 
     def poses(self) -> Poses:
         """Return the frames kept, in order."""

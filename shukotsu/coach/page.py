@@ -15,19 +15,15 @@ from shukotsu.report.belief import belief
 from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import ModelledHand, hand_motion, receiver_skeleton
 from shukotsu.report.palette import css
+from shukotsu.report.templates import ENVIRONMENT
 from shukotsu.tables.whole_files import write_text
 
 EVERY_S = 1.0
 """Interval at which the page is written and reloads itself."""
 MOST_LINES = 8
 """Number of the newest lines of the log that are shown."""
-_TEMPLATE = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-).get_template("page.html.j2")
+_LOADER = jinja2.FileSystemLoader(Path(__file__).parent)
+_TEMPLATE = ENVIRONMENT.overlay(loader=_LOADER).get_template("page.html.j2")
 
 
 def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:

@@ -17,7 +17,7 @@ from shukotsu.study.config_files import read_config
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
 from shukotsu.study.plan import rows_of_session
-from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet, sheet_rows
+from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, Row, Sheet, read_sheet, sheet_rows
 from shukotsu.study.study import SIZES
 from shukotsu.tables import limits
 from shukotsu.tables.limits import read_whole
@@ -42,23 +42,16 @@ def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> 
     layout : layout to use instead of the study's. Raises InputError if the study cannot be read.
     """
     config = read_config(study, "study")
-    person = next((row for row in _rows(study, config, PARTICIPANTS.name) if row["subject"] == subject), None)
-    sizes_mm = {} if person is None else {name: person[name] for name in SIZES}
-    rows = [
-        row
-        for row in _rows(study, config, MEASUREMENTS.name)
-        if (row["subject"], row["hand"]) == (subject, hand)
-    ]
-    measurements = [
-        Measurement(row["quantity"], row["value_mm"], row["sd_mm"])
-        for row in rows_of_session(rows, MEASUREMENTS, "")
-    ]
+    whose = {"subject": subject, "hand": hand}
+    people = _rows(study, config, PARTICIPANTS, {"subject": subject})
+    sizes_mm = {name: people[0][name] for name in SIZES} if people else {}
+    rows = rows_of_session(_rows(study, config, MEASUREMENTS, whose), MEASUREMENTS, "")
+    measurements = tuple(Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows)
     models = [read_model(name, study.parent) for name in [*config["models"], USUAL_MODEL]]
     model = next(model for model in models if model.fitting is not None and model.fitting.steps)
     read = read_layout(layout or config["layout"], Path() if layout else study.parent)
     read = replace(read, wanted_mm=float(config["wanted_mm"] or read.wanted_mm))
-    whose = {"subject": subject, "hand": hand}
-    return _checked(CoachedHand(hand, read, model, whose, sizes_mm, tuple(measurements)))
+    return _checked(CoachedHand(hand, read, model, whose, sizes_mm, measurements))
 
 
 def _checked(hand: CoachedHand) -> CoachedHand:
@@ -68,9 +61,13 @@ def _checked(hand: CoachedHand) -> CoachedHand:
     return replace(hand, layout=hand.layout.of_hand(hand.hand))
 
 
-def _rows(study: Path, config: Mapping[str, Any], name: str) -> list[Row]:
-    factors = config["factors"] if name in (RECORDINGS.name, PARTICIPANTS.name) else ()
-    return read_sheet(study.parent / config[name], SHEETS[name], list(factors)) if name in config else []
+def _rows(study: Path, config: Mapping[str, Any], sheet: Sheet, key: Mapping[str, str]) -> list[Row]:
+    """Return the rows of a sheet of the study, if it has that sheet, whose cells are those of `key`."""
+    if sheet.name not in config:
+        return []
+    factors = config["factors"] if sheet in (RECORDINGS, PARTICIPANTS) else ()
+    rows = read_sheet(study.parent / config[sheet.name], sheet, factors)
+    return [row for row in rows if all(row[name] == cell for name, cell in key.items())]
 
 
 def new_archive(folder: Path, whose: Mapping[str, str], hand: str) -> Path:
@@ -111,8 +108,7 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     """
     config = read_config(study, "study")
     key = {**whose, "session": "", "task": TASK}
-    rows = [row for row in _rows(study, config, RECORDINGS.name) if all(row[n] == key[n] for n in key)]
-    trials = {row["trial"] for row in rows}
+    trials = {row["trial"] for row in _rows(study, config, RECORDINGS, key)}
     trial = next(name for name in ("", *map(str, range(2, len(trials) + 3))) if name not in trials)
     file = Path(os.path.relpath(archive, study.parent)).as_posix()
     cells = {**key, "trial": trial, "role": "calibration", "file": file, "exclude": exclude}

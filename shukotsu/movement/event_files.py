@@ -16,7 +16,7 @@ from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 from shukotsu.tables.xdf_streams import NUMBERS, TEXT, load_stream, read_streams
 from shukotsu.tracker.archive import open_archive
-from shukotsu.tracker.survey import UNUSABLE, flagged_records, survey_archive
+from shukotsu.tracker.survey import flagged_records, survey_archive
 
 FARTHEST_S = 1e11
 """About three thousand years; a time beyond it must be damaged."""
@@ -178,9 +178,9 @@ def read_tracker_events(path: Path) -> Events:
     archive = open_archive(path)
     parts = [np.empty((4, 0))]
     for part in flagged_records(archive, survey_archive(archive)):
-        good, records = ~part.flagged(*UNUSABLE), part.records
+        records = part.records
         flags = np.array([records.station, part.time_s, records.sync, records.button], float)
-        parts.append(flags[:, good])
+        parts.append(flags[:, part.usable])
     station, time_s, sync, button = np.concatenate(parts, 1)
     if not (sync >= 0).any() and not (button >= 0).any():
         raise InputError(f"{path}: its tracker sent neither sync nor buttons; expected one of them")

@@ -39,5 +39,4 @@ def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -
         f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"
         for index in np.unique(samples.segment[station == 0])
     ]
-    poses = samples.numbers
-    return recorded_motion(samples.frame, station, poses[:, :3], poses[:, 3:], loop=loop, notes=notes)
+    return recorded_motion(samples.frame, station, samples.numbers, loop=loop, notes=notes)

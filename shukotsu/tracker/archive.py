@@ -54,6 +54,9 @@ COLUMNS = (
         "CRC-32 of row, host_ns, utc_offset_ns, kind and crc32, eight bytes each, the lowest first",
     ),
 )
+_SCHEMA = pa.schema(
+    [pa.field(name, kind, False, {"unit": unit, "description": text}) for name, kind, unit, text in COLUMNS]
+)
 
 SYNC_SECONDS = 1.0
 _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
@@ -97,7 +100,7 @@ class ArchiveWriter:
             "about": about,
             "about_crc32": zlib.crc32(_json_bytes(about)),
         }
-        self._schema = pa.schema(_fields(COLUMNS), {METADATA_KEY: _json_bytes(whole)})
+        self._schema = _SCHEMA.with_metadata({METADATA_KEY: _json_bytes(whole)})
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _AS_THEY_ARE, 0o644)
@@ -175,12 +178,6 @@ class ArchiveWriter:
     def _sync(self) -> None:
         os.fsync(self._file)
         self._synced = time.perf_counter()
-
-
-def _fields(columns: Sequence[tuple[str, pa.DataType, str, str]]) -> list[pa.Field]:
-    return [
-        pa.field(name, kind, False, {"unit": unit, "description": text}) for name, kind, unit, text in columns
-    ]
 
 
 def _row_crcs(*columns: Sequence[int] | npt.NDArray[Any]) -> list[int]:
@@ -369,7 +366,7 @@ def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
         raise InputError(
             f"{path}: is {named[0]!r} version {named[1]!r}; expected {SCHEMA_NAME} version {SCHEMA_VERSION}"
         )
-    if not schema.equals(pa.schema(_fields(COLUMNS)), check_metadata=False):
+    if not schema.equals(_SCHEMA, check_metadata=False):
         raise not_one
     if not sound:  # the description is only for people; the recording itself may be intact
         return {"damaged": "the description of this recording has a wrong checksum; left out"}

@@ -11,7 +11,7 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -19,14 +19,12 @@ from typing import Any, TypeVar
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.families import FAMILIES, check_family
-from shukotsu.tracker.liberty import FULL_LIST, SHORT_LIST
+from shukotsu.tracker.liberty import FULL_LIST, SHORT_LIST, STATIONS
 from shukotsu.tracker.port import Port, PortGoneError
+from shukotsu.tracker.records import TRACK
 
 Answer = TypeVar("Answer")
 
-LARGEST_STATION = 16
-TRACK = (0.0, 0.0, 0.0)
-"""Hemisphere vector that requests hemisphere tracking: the tracker follows the receiver."""
 STOP_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 IGNORED_SIGNALS = ("SIGTSTP", "SIGTTOU")
 """Signals that suspend the program, for example Ctrl-Z; the tracker's bytes would overflow a buffer."""
@@ -77,8 +75,8 @@ def parse_stations(text: str) -> tuple[int, ...]:
             stations.update(range(int(first), int(last or first) + 1))
     except ValueError as error:
         raise InputError(f"--stations: is {text!r}; expected numbers such as 1-8,12") from error
-    if not stations or min(stations) < 1 or max(stations) > LARGEST_STATION:
-        raise InputError(f"--stations: is {text!r}; expected numbers from 1 to {LARGEST_STATION}")
+    if not stations or not stations <= {*STATIONS}:
+        raise InputError(f"--stations: is {text!r}; expected numbers from 1 to {STATIONS[-1]}")
     return tuple(sorted(stations))
 
 
@@ -192,19 +190,17 @@ class Conversation:
                 self._queued_bytes += len(data)
                 self._chunks.put(Chunk(data, time.perf_counter_ns()))
 
-    def send(self, data: bytes) -> int:
-        """Send data; return the host's monotonic time in ns just before. Raises PortGoneError."""
-        host_ns = time.perf_counter_ns()
+    def send(self, data: bytes) -> None:
+        """Send data. Raises PortGoneError."""
         if self._archive is not None:
-            self._archive.sent(data, host_ns)
+            self._archive.sent(data, time.perf_counter_ns())
         self.port.write(data)
-        return host_ns
 
     def keep(self, wait_s: float = 0.0) -> list[Chunk]:
         """Store and return all chunks received so far; wait_s : longest time to wait for the first one."""
         chunks = []
         with suppress(queue.Empty):
-            chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
+            chunks.append(self._chunks.get(timeout=wait_s))
             chunks += [self._chunks.get_nowait() for _ in range(self._chunks.qsize())]
         self._taken_bytes += sum(len(chunk.data) for chunk in chunks)
         if self._archive is not None:
@@ -265,7 +261,6 @@ class Conversation:
 
 
 OTHER_BAUDS = (115200, 57600, 38400, 19200, 9600)
-LEAST_COSINE = 0.9999
 
 
 class TrackerDriver:
@@ -285,17 +280,16 @@ class TrackerDriver:
         nothing answers, or a device that is not this tracker.
         """
         port = self._conversation.port
-        first_baud, heard_at_first = port.baud, b""
-        tries_others = port.line_baud is not None and first_baud is not None
-        bauds = list(dict.fromkeys((first_baud, *OTHER_BAUDS))) if tries_others else [first_baud]
-        for baud in bauds:
-            if baud != first_baud and baud is not None:
+        first_baud, heard_at_first = port.line_baud, b""
+        bauds = [] if first_baud is None else [baud for baud in OTHER_BAUDS if baud != first_baud]
+        for baud in (None, *bauds):  # None: at the rate that the port has
+            if baud is not None:
                 port.set_baud(baud)
             identity, heard = attempt()
             if identity is None and heard:  # on a busy host the answer may have come too late
                 identity, heard = attempt()
             if identity is not None:
-                if baud != first_baud:
+                if baud is not None:
                     self.warnings.append(
                         f"it answered at {baud} baud and not at {first_baud}; {baud} is used"
                     )
@@ -308,7 +302,7 @@ class TrackerDriver:
                 f"{port.name}: the device there is not a {title} (it sent {shown!r}); check --tracker and "
                 "--port"
             )
-        tried = f" at {', '.join(map(str, bauds))} baud" if tries_others else ""
+        tried = f" at {', '.join(map(str, (first_baud, *bauds)))} baud" if bauds else ""
         raise InputError(
             f"{port.name}: nothing answers{tried}; check that the {title} is switched on (just switched "
             "on? it takes 10 s), its cable (on RS-232 a null-modem one), that its USB is not "
@@ -328,11 +322,10 @@ class TrackerDriver:
 
     def _require(self, what: str, reported: Any, sent: Any) -> None:
         """Raise InputError if a setting differs from the value sent; reported : None without an answer."""
-        if not (isinstance(reported, tuple) and isinstance(sent, tuple)):
-            same = reported == sent
-        else:  # compare numbers to 0.01
-            pairs = zip(reported, sent, strict=False)
-            same = len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
+        same = reported == sent
+        if isinstance(reported, tuple) and isinstance(sent, tuple) and len(reported) == len(sent):
+            # numbers are compared to 0.01
+            same = all(abs(a - b) < 0.01 for a, b in zip(reported, sent, strict=True))
         if same:
             return
         says = "reports nothing" if reported is None else f"reports {format_setting(reported)}"
@@ -348,23 +341,3 @@ def format_setting(value: Any) -> str:
     if isinstance(value, tuple):
         return ", ".join(f"{round(part, 4):g}" for part in value) or "nothing"
     return str(value)
-
-
-def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Return whether two vectors have the same direction within 0.8 deg; False for a zero vector."""
-    lengths = math.hypot(*a) * math.hypot(*b)
-    return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
-
-
-def is_zero(values: Sequence[float]) -> bool:
-    """Return whether an offset or a rotation is zero."""
-    return all(abs(value) < 1e-4 for value in values)
-
-
-def is_default_alignment(values: Sequence[float]) -> bool:
-    """Return whether an alignment (origin, point on x, point on y: 9 numbers) is the transmitter's frame.
-
-    The points may be at any distance, because it differs between trackers and units.
-    """
-    along_x, along_y = same_direction(values[3:6], (1, 0, 0)), same_direction(values[6:9], (0, 1, 0))
-    return math.hypot(*values[:3]) < 1e-3 and along_x and along_y

@@ -13,7 +13,7 @@ from shukotsu.arrays import Integers
 from shukotsu.errors import InputError, count_of
 from shukotsu.tracker.families import FAMILIES
 from shukotsu.tracker.liberty import SHORT_LIST, list_of_all, record_type
-from shukotsu.tracker.records import StreamSettings
+from shukotsu.tracker.records import TRACK, StreamSettings
 from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Heard, Losses, RecordBlock
 
 
@@ -23,16 +23,16 @@ class Receiver:
 
     margin : p . h / |p|, sine of the angle by which it is inside its hemisphere; NaN if the tracker follows
     it or if it has no position. errors, worst_distortion, least_margin : since the start; the other fields :
-    of the newest records.
+    of the newest records. last_host_ns : of the newest record, or else of the start.
     """
 
+    last_host_ns: int
     errors: int = 0
     error: int = 0
     distortion: int = 0
     worst_distortion: int = 0
     margin: float = np.nan
     least_margin: float = np.nan
-    last_host_ns: int = 0
 
 
 class Statistics:
@@ -44,7 +44,7 @@ class Statistics:
     """
 
     def __init__(self, settings: StreamSettings, start_ns: int) -> None:
-        self.receivers = {station: Receiver() for station in settings.stations}
+        self.receivers = {station: Receiver(start_ns) for station in settings.stations}
         self.skipped_bytes = self.received_bytes = 0
         self.silences: list[tuple[int, float, float]] = []
         self._losses = Losses(settings)
@@ -57,7 +57,7 @@ class Statistics:
         self.skipped_bytes += sum(skip.size for skip in block.skipped)
         self.heard_ns = now_ns if received_bytes else self.heard_ns
         for station in np.unique(block.records.station).tolist():
-            receiver = self.receivers.setdefault(station, Receiver())
+            receiver = self.receivers.setdefault(station, Receiver(self._start_ns))
             rows = np.flatnonzero((block.records.station == station) & block.good)
             if len(rows):
                 self._count(receiver, station, block, rows)
@@ -65,9 +65,9 @@ class Statistics:
 
     def absent(self) -> set[int]:
         """Return the receivers that send nothing while others do."""
-        heard_ns = {s: receiver.last_host_ns or self._start_ns for s, receiver in self.receivers.items()}
-        latest_ns = max((receiver.last_host_ns for receiver in self.receivers.values()), default=0)
-        return {station for station, last_ns in heard_ns.items() if latest_ns - last_ns > ABSENT_S * 1e9}
+        last_ns = {station: receiver.last_host_ns for station, receiver in self.receivers.items()}
+        latest_ns = max(last_ns.values(), default=0)
+        return {station for station, ns in last_ns.items() if latest_ns - ns > ABSENT_S * 1e9}
 
     def totals(self, now_ns: int) -> dict[str, Any]:
         """Return the counts of the recording, as if it ended now, as JSON types.
@@ -125,7 +125,7 @@ class Statistics:
         receiver.error = int(errors[np.flatnonzero(errors)[-1]]) if errors.any() else 0
         receiver.distortion = max(0, int(records.distortion[rows].max()))
         receiver.worst_distortion = max(receiver.worst_distortion, receiver.distortion)
-        vector = np.array(self._settings.hemisphere.get(station, (0.0, 0.0, 0.0)))
+        vector = np.array(self._settings.hemisphere.get(station, TRACK))
         if vector.any():
             position_mm, direction = records.position_mm[rows], vector / np.linalg.norm(vector)
             with np.errstate(invalid="ignore", divide="ignore"):
@@ -137,9 +137,9 @@ class Statistics:
         return (host_ns - self._start_ns) * 1e-9
 
 
-def _number(value: float | None) -> float | None:
+def _number(value: float) -> float | None:
     """Round for display; NaN becomes None, as JSON has no NaN."""
-    return None if value is None or not np.isfinite(value) else round(value, 3)
+    return round(value, 3) if np.isfinite(value) else None
 
 
 BITS_PER_BYTE = 10
@@ -183,7 +183,7 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
     fits = []
     for how, items in lists.items():
         choices = [
-            f"{count} receiver{'s' if count > 1 else ''} at {rate_hz} Hz"
+            f"{count_of(count, 'receiver')} at {rate_hz} Hz"
             for rate_hz in FAMILIES[settings.family].rates_hz
             if (count := int(baud / BITS_PER_BYTE // (record_type(items).itemsize * rate_hz)))
         ]
@@ -261,8 +261,7 @@ def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
     missing_percent = 100 * totals["lost_frames"] / max(totals["records"] + totals["lost_frames"], 1)
     need, came = needed_bytes_per_s(settings), totals["received_bytes"] / max(totals["seconds"], 1e-9)
     if missing_percent > MUCH_MISSING_PERCENT and came <= (1 - MUCH_MISSING_PERCENT / 100) * need:
-        count = len(settings.stations)
-        who = f"{count_of(count, 'receiver')} need{'s' if count == 1 else ''}"
+        who = count_of(len(settings.stations), "receiver", "need")
         sentences.append(
             f"the line carried {came / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
             f"it is too slow; see {FAMILIES[settings.family].remedies}"

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 import struct
+from collections import deque
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,7 +22,7 @@ from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.hand import rotations
 from shukotsu.tracker import liberty
 from shukotsu.tracker.liberty import ITEMS, MOST_ITEMS, TAGS
-from shukotsu.tracker.records import MM_PER_UNIT
+from shukotsu.tracker.records import MM_PER_UNIT, TRACK
 
 MAX_STATION = 16
 PERIOD_CYCLES = 960
@@ -32,32 +33,24 @@ PERIOD_CYCLES = 960
 class PlayedMotion:
     """Poses of receivers in T frames, one per cycle.
 
-    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN if the recording has no pose. loop : whether to
+    poses : (T, S, 7) positions in mm and quaternions, NaN if the recording has no pose. loop : whether to
     start again after the last frame; otherwise there are no poses after it. notes : parts of the file that
     cannot be played, one sentence each.
     """
 
     stations: tuple[int, ...]
-    position_mm: Array
-    quaternion: Array
+    poses: Array
     loop: bool = False
     notes: tuple[str, ...] = ()
 
-    def poses(self, count: Integers, stations: Sequence[int]) -> tuple[Array, Array]:
-        """Return positions in mm (T, S, 3) and quaternions (T, S, 4), NaN if there is no pose.
-
-        count : (T,) numbers of cycles, from 0.
-        """
-        position = np.full((len(count), len(stations), 3), np.nan)
-        quaternion = np.full((len(count), len(stations), 4), np.nan)
-        rows = count % len(self.position_mm) if self.loop else count
-        inside = (rows >= 0) & (rows < len(self.position_mm))
-        for target, station in enumerate(stations):
-            if station in self.stations:
-                column = self.stations.index(station)
-                position[inside, target] = self.position_mm[rows[inside], column]
-                quaternion[inside, target] = self.quaternion[rows[inside], column]
-        return position, quaternion
+    def poses_of(self, station: int, count: Integers) -> Array:
+        """Return a receiver's poses, (N, 7), NaN if there is none; count : (N,) numbers of cycles, from 0."""
+        poses = np.full((len(count), 7), np.nan)
+        rows = count % len(self.poses) if self.loop else count
+        inside = rows < len(self.poses)
+        if station in self.stations:
+            poses[inside] = self.poses[rows[inside], self.stations.index(station)]
+        return poses
 
 
 def built_in_motion() -> PlayedMotion:
@@ -68,22 +61,15 @@ def built_in_motion() -> PlayedMotion:
     bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # distal bones bend more
     x = 250 + 30 * bone + 40 * np.sin(phase)
     y = -45 + 30 * finger + 15 * np.cos(phase)
-    position = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
+    position_mm = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
     about_y = rotations.about_axis(np.array([0.0, 1.0, 0.0]), bend)
     about_z = rotations.about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.cos(phase) + 0.1 * finger)
-    return PlayedMotion(
-        tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True
-    )
+    poses = np.concatenate([position_mm, rotations.multiply(about_z, about_y)], -1)
+    return PlayedMotion(tuple(range(1, MAX_STATION + 1)), poses, loop=True)
 
 
 def recorded_motion(
-    frame: Integers,
-    station: Integers,
-    position_mm: Array,
-    quaternion: Array,
-    *,
-    loop: bool = False,
-    notes: Sequence[str] = (),
+    frame: Integers, station: Integers, poses: Array, *, loop: bool, notes: Sequence[str]
 ) -> PlayedMotion:
     """Return recorded poses as motion to play.
 
@@ -93,8 +79,8 @@ def recorded_motion(
     ----------
     frame, station : arrays, shape (N,)
         Frame and station of each pose. Poses of station 0 are not played, but their frames count.
-    position_mm, quaternion : arrays, shape (N, 3) and (N, 4)
-        Poses in the transmitter's frame.
+    poses : array, shape (N, 7)
+        Positions in mm and quaternions in the transmitter's frame.
     loop : bool
         Whether to start again after the last frame.
     notes : sequence of str
@@ -117,23 +103,18 @@ def recorded_motion(
             rows = counted[rows]
     played = station > 0
     stations = sorted(set(station[played].tolist()))
-    position = np.full((int(rows.max()) + 1, len(stations), 3), np.nan)
-    turned = np.full((len(position), len(stations), 4), np.nan)
-    columns = np.searchsorted(stations, station[played])
-    position[rows[played], columns] = position_mm[played]
-    turned[rows[played], columns] = quaternion[played]
-    return PlayedMotion(tuple(stations), position, turned, loop, (*remark, *notes))
+    motion = np.full((int(rows.max()) + 1, len(stations), 7), np.nan)
+    motion[rows[played], np.searchsorted(stations, station[played])] = poses[played]
+    return PlayedMotion(tuple(stations), motion, loop, (*remark, *notes))
 
 
 WRAP, BLOCK_CYCLES = 1 << 32, 120
-FOLLOWING = (0.0, 0.0, 0.0)
-"""Hemisphere vector for tracking of the receiver: no position flips."""
 RATES_HZ = {3: 120, 4: 240}
 """Argument of the rate command -> frames per second."""
 UNKNOWN_COMMAND, INVALID_STATION, INVALID = 1, 2, 3
 Arguments = Sequence[str]
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _FLAG, ECHO = (0, 1), b"\x05"
 _CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
 _CONSTANTS = {"blank": ord(" "), "cr": _CR, "lf": _LF, "button": 0, "distortion": 0, "sync": 0}
@@ -175,7 +156,7 @@ class EmulatedLiberty:
         self.cycle = self.counted_from = 0
         self.streaming = False
         self._typed = bytearray()
-        self._ahead: tuple[int, list[bytes]] = (0, [])  # number of the first cycle encoded ahead, their bytes
+        self._ahead: deque[bytes] = deque()  # bytes of the next cycles of a stream, encoded ahead
 
     @property
     def rate(self) -> Fraction:
@@ -194,12 +175,10 @@ class EmulatedLiberty:
 
     def next_cycle(self) -> bytes:
         """Run one cycle; return the bytes that it sends."""
-        first, ahead = self._ahead
-        if self.streaming and not 0 <= self.cycle - first < len(ahead):
-            cycles = self.cycle + np.arange(BLOCK_CYCLES)
-            first, ahead = self._ahead = (self.cycle, self._encoded(cycles, liberty.STREAMED))
+        if self.streaming and not self._ahead:
+            self._ahead.extend(self._encoded(self.cycle + np.arange(BLOCK_CYCLES), liberty.STREAMED))
         self.cycle += 1
-        return ahead[self.cycle - 1 - first] if self.streaming else b""
+        return self._ahead.popleft() if self.streaming else b""
 
     def active(self) -> tuple[int, ...]:
         """Return the stations that are now plugged in and switched on."""
@@ -219,24 +198,22 @@ class EmulatedLiberty:
         present = self.present(cycles) & list(self.enabled.values())
         passed = cycles - self.counted_from
         records: list[tuple[Bools, list[bytes]]] = []
-        for column, station in enumerate(self.stations):
-            if not present[:, column].any():
-                continue
-            position_mm, quaternion = (numbers[:, 0] for numbers in self.motion.poses(passed, (station,)))
-            measured = np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
-            numbers = self._numbers(station, passed, np.nan_to_num(position_mm), np.nan_to_num(quaternion))
+        for column in np.flatnonzero(present.any(0)).tolist():
+            station = self.stations[column]
+            poses = self.motion.poses_of(station, passed)
+            sent = present[:, column] & np.isfinite(poses).all(-1)
+            numbers = self._numbers(station, passed, np.nan_to_num(poses))
             encoded = self._binary if self._is_binary else self._text
-            records.append((present[:, column] & measured, encoded(station, numbers, command)))
+            records.append((sent, encoded(station, numbers, command)))
         return [
             b"".join(data[cycle] for there, data in records if there[cycle]) for cycle in range(len(cycles))
         ]
 
-    def _numbers(
-        self, station: int, passed: Integers, position_mm: Array, quaternion: Array
-    ) -> dict[str, Array | Integers]:
-        """Return the numbers of a station's records, field name -> (T,)."""
+    def _numbers(self, station: int, passed: Integers, poses: Array) -> dict[str, Array | Integers]:
+        """Return the numbers of a station's records, field name -> (T,); poses : (T, 7)."""
+        position_mm, quaternion = poses[:, :3], poses[:, 3:]
         hemisphere = self.numbers[b"H", station]
-        if hemisphere != FOLLOWING:  # outside its hemisphere a receiver's position is reported mirrored
+        if hemisphere != TRACK:  # outside its hemisphere a receiver's position is reported mirrored
             position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
         position = position_mm / MM_PER_UNIT["cm" if self.numbers[b"U", 0][0] else "inch"]
         cosines = rotations.matrix(quaternion)
@@ -260,8 +237,7 @@ class EmulatedLiberty:
         fields = [field for item in items for field in ITEMS[item][0]]
         for name, field in zip((kind.names or ())[len(liberty.HEADER) :], fields, strict=True):
             rows[name] = numbers[field]
-        data, size = rows.tobytes(), kind.itemsize
-        return [data[at : at + size] for at in range(0, len(data), size)]
+        return [row.tobytes() for row in rows]
 
     def _text(self, station: int, numbers: dict[str, Array | Integers], _command: int) -> list[bytes]:
         """Encode records as text; they always have the output list of power-up."""
@@ -294,6 +270,7 @@ class EmulatedLiberty:
             return b""
         if not self._typed and byte in (_P, _P + 32):
             self.streaming = False
+            self._ahead.clear()
             return self._encoded(np.array([self.cycle]), liberty.SINGLE)[0]
         if byte != _CR:
             self._typed.append(byte)
@@ -303,7 +280,7 @@ class EmulatedLiberty:
         code = typed[:1].upper()
         if typed[:2].upper() == b"@B":
             code, typed = b"@", typed[1:]
-        self._ahead = (0, [])
+        self._ahead.clear()
         arguments = [part.strip() for part in typed[1:].decode("latin-1").split(",")]
         try:
             arguments = [] if arguments == [""] else arguments
@@ -322,6 +299,12 @@ def _whole(text: str, allowed: Container[int]) -> int:
     if not text.isdecimal() or int(text) not in allowed:
         raise RefusedError(INVALID)
     return int(text)
+
+
+def _number(text: str) -> float:
+    if not _DECIMAL.fullmatch(text) or not math.isfinite(float(text)):
+        raise RefusedError(INVALID)
+    return float(text)
 
 
 def _count(arguments: Arguments, least: int, most: int) -> None:
@@ -363,13 +346,7 @@ class DeviceSetting:
                 text = self.text * (len(numbers) // self.text.count("%")) % numbers
                 answer += device.reply(code[0], text.rstrip() if code == b"O" else text, body, station)
             elif self.allowed is None:  # an omitted argument keeps its value
-                are_numbers = all(not text or _NUMBER.fullmatch(text) for text in values)
-                read = [
-                    float(text or was) if are_numbers else math.nan
-                    for text, was in zip(values, numbers, strict=False)
-                ]
-                if not all(map(math.isfinite, read)):
-                    raise RefusedError(INVALID)
+                read = [_number(text) if text else was for text, was in zip(values, numbers, strict=False)]
                 device.numbers[code, station] = (*read, *numbers[len(read) :])
             else:
                 device.numbers[code, station] = tuple(_whole(text, self.allowed) for text in values)
@@ -382,8 +359,7 @@ def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
         halves = [sum(1 << (s - 1) for s in numbers) for numbers in (device.active(), device.detected())]
         return device.reply(0x15, f"{halves[1]:04x}{halves[0]:04x}", struct.pack("<HH", *halves))
     stations = _stations(device, arguments) if code == b"\x15" else []
-    expected = {b"\x15": 2, b"Q": 1}.get(code, 0)
-    _count(arguments, expected, expected)
+    _count(arguments, COMMANDS[code], COMMANDS[code])
     if code == b"\x14":  # result of the built-in test: no fault
         words = 18 if device.ports > 8 else 9
         return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))
@@ -419,5 +395,5 @@ SETTINGS = {
     ECHO: DeviceSetting((0,), allowed=_FLAG),
     b"@": DeviceSetting((1,), allowed=_FLAG),
 }
-COMMANDS = (b"C", b"Q", b"\x14", b"\x15", b"\x16")
-"""Letters and control characters of other commands, except P, which acts without CR."""
+COMMANDS = {b"C": 0, b"Q": 1, b"\x14": 0, b"\x15": 2, b"\x16": 0}
+"""Other commands -> number of their arguments; P is missing because it acts without CR."""

@@ -17,9 +17,9 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, PlayedMotion
+from shukotsu.tracker.emulated_device import EmulatedLiberty, PlayedMotion
 from shukotsu.tracker.liberty import FULL_LIST
-from shukotsu.tracker.records import StreamSettings
+from shukotsu.tracker.records import TRACK, StreamSettings
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20
@@ -49,8 +49,6 @@ class Emulator:
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Pass the client's bytes to the device and send its answer."""
-        if not data:
-            return
         self.run(now_ns)
         self.waiting += self.device.receive(data)
         if self.device.rate != self._rate:
@@ -190,9 +188,8 @@ def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], boo
     """Run the emulator by the monotonic clock until `stopped` returns true."""
     while not stopped():
         emulator.run(time.perf_counter_ns())
-        wait_s = max(0.0, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
-        if not (emulator.device.streaming or emulator.waiting):
-            wait_s = max(wait_s, _IDLE_S)
+        shortest_s = 0.0 if emulator.device.streaming or emulator.waiting else _IDLE_S
+        wait_s = max(shortest_s, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
         readable, _, _ = select.select(port.readable, [], [], wait_s)
         if readable:
             emulator.receive(port.read(), time.perf_counter_ns())
@@ -230,7 +227,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # its bytes wait until a piece below takes them
     device.receive(begin)
     begun_ns = emulator.due_ns
-    end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
+    end_ns = begun_ns + len(device.motion.poses) * SECOND_NS // int(device.rate) - 1
     ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
     for pieces, due_ns in enumerate(ticks_ns, 1):
         emulator.run(due_ns)
@@ -249,12 +246,12 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
 
 
 def home_hemisphere(motion: PlayedMotion) -> tuple[float, float, float]:
-    """Return the axis nearest to the receivers' mean position if all stay on its side, else FOLLOWING."""
-    positions = motion.position_mm.reshape(-1, 3)
+    """Return the axis nearest to the receivers' mean position if all stay on its side, else TRACK."""
+    positions = motion.poses[..., :3].reshape(-1, 3)
     positions = positions[np.isfinite(positions).all(-1)]
     mean = positions.mean(0) if len(positions) else np.zeros(3)
     axis = int(np.argmax(np.abs(mean)))
     if not (positions[:, axis] * np.sign(mean[axis]) > 0).all():
-        return FOLLOWING
+        return TRACK
     x, y, z = np.where(np.arange(3) == axis, np.sign(mean), 0.0).tolist()
     return (x, y, z)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from shukotsu.errors import InputError, guess
@@ -30,7 +30,7 @@ class Family:
     rates_hz: tuple[int, ...]
     connectors: int
     remedies: str
-    usb: Mapping[tuple[int, int], UsbTracker] = field(default_factory=dict)
+    usb: Mapping[tuple[int, int], UsbTracker]
 
 
 USUAL = "liberty"

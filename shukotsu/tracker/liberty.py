@@ -205,7 +205,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
     """
 
     def __init__(self, settings: StreamSettings) -> None:
-        super().__init__(settings)
+        super().__init__()
         self._kind = record_type(list_of_all(settings.items))
         self._mm_per_unit = MM_PER_UNIT[settings.unit]
         self._tag = TAGS[settings.family]

@@ -8,35 +8,20 @@ never sent. Source of the commands: LIBERTY User Manual URM03PH156.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.tracker import liberty as replies
-from shukotsu.tracker.conversation import (
-    TRACK,
-    Conversation,
-    RecordingRequest,
-    TrackerDriver,
-    format_setting,
-    is_default_alignment,
-    is_zero,
-    same_direction,
-)
+from shukotsu.tracker.conversation import Conversation, RecordingRequest, TrackerDriver, format_setting
 from shukotsu.tracker.families import FAMILIES
 from shukotsu.tracker.liberty import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
-from shukotsu.tracker.records import StreamSettings
+from shukotsu.tracker.records import TRACK, StreamSettings
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None if the tracker did not answer."""
 FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
-FRAMES = {
-    "boresight": (is_zero, "a boresight turns its orientations"),
-    "alignment": (is_default_alignment, "an alignment moves its frame"),
-    "tip_offset": (is_zero, "a tip offset moves its positions"),
-}
-"""Settings that an earlier program may have changed -> test for the default, effect of another value."""
 POLL = b"P"
 """Ends a stream and requests one record of each station; the only command without CR."""
 STREAM = b"C\r"
@@ -115,12 +100,10 @@ class LibertyDriver(TrackerDriver):
             {"whoami": whoami, "before": before, "after": after, "warnings": self.warnings},
         )
 
-    def start(self) -> Mapping[str, Any]:
-        """Reset the counters and start streaming; return the host's time before and after the reset."""
-        before_ns = self._conversation.send(RESET_COUNTERS)
-        after_ns = time.perf_counter_ns()
+    def start(self) -> None:
+        """Reset the counters and start streaming."""
+        self._conversation.send(RESET_COUNTERS)
         self._conversation.send(STREAM)
-        return {"counters_reset_after_ns": before_ns, "counters_reset_before_ns": after_ns}
 
     def stop(self) -> None:
         """Stop streaming; the tracker sends one more record of each station."""
@@ -253,3 +236,34 @@ class LibertyDriver(TrackerDriver):
             self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
         if after["usb_buffering"] == 0:
             self.warnings.append("USB buffering is off, so that frames may be lost, left as it is")
+
+
+LEAST_COSINE = 0.9999
+
+
+def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Return whether two vectors have the same direction within 0.8 deg; False for a zero vector."""
+    lengths = math.hypot(*a) * math.hypot(*b)
+    return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
+
+
+def is_zero(values: Sequence[float]) -> bool:
+    """Return whether an offset or a rotation is zero."""
+    return all(abs(value) < 1e-4 for value in values)
+
+
+def is_default_alignment(values: Sequence[float]) -> bool:
+    """Return whether an alignment (origin, point on x, point on y: 9 numbers) is the transmitter's frame.
+
+    The points may be at any distance, because it differs between trackers and units.
+    """
+    along_x, along_y = same_direction(values[3:6], (1, 0, 0)), same_direction(values[6:9], (0, 1, 0))
+    return math.hypot(*values[:3]) < 1e-3 and along_x and along_y
+
+
+FRAMES = {
+    "boresight": (is_zero, "a boresight turns its orientations"),
+    "alignment": (is_default_alignment, "an alignment moves its frame"),
+    "tip_offset": (is_zero, "a tip offset moves its positions"),
+}
+"""Settings that an earlier program may have changed -> test for the default, effect of another value."""

@@ -42,18 +42,17 @@ class PortGoneError(Exception):
 class Port(ABC):
     """An open port.
 
-    name : as given by the user. baud : setting of a serial device; None for others. line_baud : bits per
-    second of the serial line behind it; None if there is no serial line (terminal, network, a tracker's USB).
+    name : as given by the user. line_baud : bits per second of the serial line behind it; None if there is no
+    serial line (terminal, network, a tracker's USB).
     """
 
-    def __init__(self, name: str, baud: int | None = None, line_baud: int | None = None) -> None:
+    def __init__(self, name: str, line_baud: int | None = None) -> None:
         self.name = name
-        self.baud = baud
         self.line_baud = line_baud
 
     def set_baud(self, baud: int) -> None:
-        """Change the line's rate; ports without one only store it."""
-        self.baud = self.line_baud = baud
+        """Change the line's rate."""
+        self.line_baud = baud
 
     @abstractmethod
     def read(self) -> bytes:
@@ -75,8 +74,8 @@ class SerialPort(Port):
     that of their arrival; elsewhere (Windows, rfc2217) it is accurate to _QUANTUM_S.
     """
 
-    def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
-        super().__init__(name, baud, line_baud)
+    def __init__(self, name: str, device: Any, line_baud: int | None) -> None:
+        super().__init__(name, line_baud)
         self._device = device
         waits = hasattr(os, "fork") and not name.startswith("rfc2217:")
         self._descriptor = int(device.fileno()) if waits else None
@@ -215,12 +214,12 @@ def open_port(name: str, baud: int) -> Port:
     except (OSError, serial.SerialException, ValueError) as error:
         raise InputError(f"{name}: {_why_not(name, error)}") from error
     if "://" in name:
-        return SerialPort(name, device, None, None)
+        return SerialPort(name, device, None)
     path = str(Path(name).resolve())
     # a pseudo-terminal and a tracker's own USB appear as a tty, but have no serial line
     is_line = not path.startswith("/dev/pts/")
     is_line &= (path, POLHEMUS) not in [(port.device, port.vid) for port in list_ports.comports()]
-    return SerialPort(name, device, baud, baud if is_line else None)
+    return SerialPort(name, device, baud if is_line else None)
 
 
 def _why_not(name: str, error: Exception) -> str:
@@ -256,10 +255,10 @@ def serial_ports() -> list[PortEntry]:
     return [(port.device, port.vid, port.pid, port.description or "serial port") for port in ports]
 
 
-def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, int]]:
+def usb_devices() -> list[tuple[int, int]]:
     """Return vendor and product of all USB devices that the system lists."""
     devices = []
-    for vendor in sorted(root.glob("*/idVendor")):
+    for vendor in sorted(Path("/sys/bus/usb/devices").glob("*/idVendor")):
         try:
             product = (vendor.parent / "idProduct").read_text("ascii")
             devices.append((int(vendor.read_text("ascii"), 16), int(product, 16)))

@@ -17,12 +17,13 @@ import numpy.typing as npt
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tables import limits
-from shukotsu.tables.limits import RATES_HZ
 from shukotsu.tracker.families import check_family
 
 STATIONS = frozenset(range(256))
 """Possible values of a station's byte; no tracker has this many stations."""
 MM_PER_UNIT = {**limits.MM_PER_UNIT, "foot": 304.8}
+TRACK = (0.0, 0.0, 0.0)
+"""Hemisphere vector of a tracker that follows the receiver, so that no position flips."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class StreamSettings:
     family : a name in FAMILIES; mode : "binary"; unit : unit of positions in the stream.
     rate_hz : frames per second (of each station). stations : stations that were active at the start.
     items : station -> output list, by the item numbers of LIBERTY and PATRIOT; empty for other families.
-    hemisphere : station -> vector into its hemisphere, (0, 0, 0) if the tracker follows the receiver.
+    hemisphere : station -> vector into its hemisphere, or TRACK.
     options : further information for the user: `whoami`, settings before and after set-up, warnings.
     """
 
@@ -74,7 +75,7 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
         raise InputError(
             f"{where}: the tracker's settings in it name impossible stations or hemispheres; copy it again"
         )
-    possible = RATES_HZ[0] <= settings.rate_hz < 10_000
+    possible = limits.RATES_HZ[0] <= settings.rate_hz < 10_000
     if settings.mode != "binary" or settings.unit not in MM_PER_UNIT or not possible:
         raise InputError(
             f"{where}: the tracker's settings in it are not supported (family {settings.family!r}, "
@@ -149,7 +150,8 @@ class Skipped:
 class Reply:
     """An answer of the tracker, which is not a pose record.
 
-    command : command byte that it answers; error : code of its error letter or number, 0 for none.
+    station : of LIBERTY and PATRIOT, otherwise 0. command : command byte that it answers; error : code of its
+    error letter or number, 0 for none.
     """
 
     offset: int
@@ -168,40 +170,27 @@ class Decoded:
     replies: tuple[Reply, ...] = ()
 
 
-PIECE_BYTES = 1 << 18
-"""Longer pieces are decoded in parts to limit memory."""
-
-
 class PiecewiseDecoder(ABC):
     """Decoder of a stream of bytes, piece by piece, into records; keeps bytes that cannot be decoded yet.
 
-    All records, skips and replies together do not depend on how the stream is cut into pieces. Decoding works
-    on buffers of at most PIECE_BYTES plus the remaining bytes of the previous one.
+    offset : number of bytes that have been decoded; the kept ones follow. All records, skips and replies
+    together do not depend on how the stream is cut into pieces.
     """
 
-    def __init__(self, settings: StreamSettings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
+        self.offset = 0
         self._rest = np.empty(0, np.uint8)
-        self._offset = 0  # position in the stream of the first byte of `_rest`
 
-    def feed(self, data: bytes | Bytes, *, final: bool = False) -> Decoded:
+    def feed(self, data: bytes, *, final: bool = False) -> Decoded:
         """Decode the next piece; final : whether it is the last, so that no bytes are kept."""
-        piece = data if isinstance(data, np.ndarray) else np.frombuffer(data, np.uint8)
-        records: list[Records] = []
-        skipped: list[Skipped] = []
-        replies: list[Reply] = []
-        starts = range(0, len(piece), PIECE_BYTES) or (0,)
-        for start in starts:
-            part = piece[start : start + PIECE_BYTES]
-            b = np.concatenate([self._rest, part]) if len(self._rest) else part
-            decoded, decided = self._decide(b, final and start == starts[-1])
-            first, self._offset = self._offset, self._offset + decided
-            self._rest = b[decided:].copy()
-            decoded.records.offset[:] += first
-            records.append(decoded.records)
-            skipped += (replace(skip, offset=skip.offset + first) for skip in decoded.skipped)
-            replies += (replace(reply, offset=reply.offset + first) for reply in decoded.replies)
-        return Decoded(concatenate_records(records), tuple(skipped), tuple(replies))
+        b = np.concatenate([self._rest, np.frombuffer(data, np.uint8)])
+        decoded, decided = self._decide(b, final)
+        first, self.offset = self.offset, self.offset + decided
+        self._rest = b[decided:].copy()
+        decoded.records.offset[:] += first
+        skipped = (replace(skip, offset=skip.offset + first) for skip in decoded.skipped)
+        replies = (replace(reply, offset=reply.offset + first) for reply in decoded.replies)
+        return Decoded(decoded.records, tuple(skipped), tuple(replies))
 
     @abstractmethod
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:

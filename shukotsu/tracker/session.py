@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,7 @@ from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.stream import ABSENT_S, ChunkDecoder
 from shukotsu.tracker.viper_driver import ViperDriver
 
-Driver = LibertyDriver | ViperDriver
-DRIVERS: Mapping[str, type[LibertyDriver] | type[ViperDriver]]
+DRIVERS: Mapping[str, type[LibertyDriver | ViperDriver]]
 DRIVERS = {"liberty": LibertyDriver, "patriot": LibertyDriver, "viper": ViperDriver}
 
 TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0
@@ -73,8 +72,7 @@ def record(
     Raises InputError if nothing could be recorded; then no archive is left.
     """
     archive = ArchiveWriter(plan.out, about, utc_offset_ns)
-    conversation = Conversation(port, archive, lambda: bool(stop))
-    try:
+    with closing(Conversation(port, archive, lambda: bool(stop))) as conversation:
         try:
             printer.say(f"setting up the tracker at {port.name} ...")
             driver = DRIVERS[plan.request.family](conversation, plan.request)
@@ -102,8 +100,6 @@ def record(
                 conversation.keep()
                 archive.close({"reason": f"internal error ({error!r})"}, time.perf_counter_ns())
             raise
-    finally:
-        conversation.close()
 
 
 @dataclass
@@ -112,7 +108,7 @@ class _Session:
 
     _plan: RecordingPlan
     _conversation: Conversation
-    _driver: Driver
+    _driver: LibertyDriver | ViperDriver
     _settings: StreamSettings
     _archive: ArchiveWriter
     _printer: LinePrinter
@@ -124,7 +120,6 @@ class _Session:
     _announced: int = 0
 
     def __post_init__(self) -> None:
-        self._absent: set[int] = set()
         self._offset_ns = self._utc_offset_ns()
         self._decoder = ChunkDecoder(self._settings)
         self._notices: list[str] = []
@@ -170,9 +165,9 @@ class _Session:
             self._archive.event("note", now_ns, text=note)
         self._archive.settings(self._settings.to_json(), now_ns)
         try:
-            details = self._driver.start()
+            self._driver.start()
             self._begin()
-            self._archive.event("started", self._start_ns, **details)
+            self._archive.event("started", self._start_ns)
         except PortGoneError as error:
             self._fail(PORT_GONE, str(error))
 
@@ -232,11 +227,6 @@ class _Session:
             if receiver == 0:
                 self._notice(f"no record at all from {from_s:.1f} s to {to_s:.1f} s")
         self._announced = len(self._statistics.silences)
-        absent = self._statistics.absent()
-        for station in sorted(absent ^ self._absent):
-            name = "receiver-absent" if station in absent else "receiver-back"
-            self._archive.event(name, time.perf_counter_ns(), receiver=station)
-        self._absent = absent
         if self._plan.quiet:
             return
         now_ns = time.perf_counter_ns()
@@ -307,38 +297,36 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
 
     Raises InputError if it does not answer as expected.
     """
-    conversation = Conversation(port, stopped=lambda: bool(stop))
-    try:
-        driver = DRIVERS[request.family](conversation, request)
-        settings = driver.set_up()
-        yield from answer_lines(settings, driver.warnings, port.line_baud)
-        decoder, statistics = ChunkDecoder(settings), display.Statistics(settings, time.perf_counter_ns())
+    with closing(Conversation(port, stopped=lambda: bool(stop))) as conversation:
         try:
-            driver.start()
-            end = time.perf_counter() + STREAM_S
-            while time.perf_counter() < end:
-                for chunk in conversation.listen(0.1):
-                    decoder.add(chunk.data, chunk.host_ns)
-                received_bytes = decoder.waiting_bytes
-                statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
-        finally:
-            driver.stop()
-        totals = statistics.totals(time.perf_counter_ns())
-        if not totals["records"]:
-            raise InputError(f"{port.name}: the tracker was told to stream, but sent no record")
-        notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
-        yield from ["", *display.totals_table(totals), *notes]
-    except PortGoneError as error:
-        raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
-    except StoppedError:
-        yield f"ended ({stop.reason})"
-    finally:
-        conversation.close()
+            driver = DRIVERS[request.family](conversation, request)
+            settings = driver.set_up()
+            yield from answer_lines(settings, driver.warnings, port.line_baud)
+            decoder, statistics = ChunkDecoder(settings), display.Statistics(settings, time.perf_counter_ns())
+            try:
+                driver.start()
+                end = time.perf_counter() + STREAM_S
+                while time.perf_counter() < end:
+                    for chunk in conversation.listen(0.1):
+                        decoder.add(chunk.data, chunk.host_ns)
+                    received_bytes = decoder.waiting_bytes
+                    statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
+            finally:
+                driver.stop()
+            totals = statistics.totals(time.perf_counter_ns())
+            if not totals["records"]:
+                raise InputError(f"{port.name}: the tracker was told to stream, but sent no record")
+            notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
+            yield from ["", *display.totals_table(totals), *notes]
+        except PortGoneError as error:
+            raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
+        except StoppedError:
+            yield f"ended ({stop.reason})"
 
 
 def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None) -> list[str]:
     """Return the tracker's answers, the load of the line, and what would fit if it is too slow."""
-    before, after = settings.options.get("before", {}), settings.options.get("after", {})
+    before, after = settings.options["before"], settings.options["after"]
     names = [name for name in after if name != "stations"]
     need = display.needed_bytes_per_s(settings)
     lines = [f"line        needs {need / 1000:.1f} kB/s; the port's rate is unknown"]
@@ -347,9 +335,9 @@ def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None
         lines = [f"line        {display.arithmetic(settings, baud)}: {100 * need / carried:.0f} %"]
         lines += [f"            too slow; {display.what_fits(settings, baud)}"] if need > carried else []
     return [
-        f"tracker     {settings.options.get('whoami') or settings.family}",
+        f"tracker     {settings.options['whoami'] or settings.family}",
         f"receivers   {', '.join(map(str, settings.stations))}",
-        *(_setting(name, before.get(name), after.get(name), settings.stations) for name in names),
+        *(_setting(name, before[name], after[name], settings.stations) for name in names),
         *(f"note: {warning}" for warning in warnings),
         *lines,
     ]
@@ -357,14 +345,13 @@ def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None
 
 def _setting(name: str, before: Any, after: Any, stations: tuple[int, ...]) -> str:
     """Format a setting before and after set-up; by receiver if receivers differ."""
-    changes = {}
     if isinstance(after, Mapping):
-        earlier = before if isinstance(before, Mapping) else {}
-        for station in stations:
-            changes[station] = _change(name, earlier.get(str(station)), after.get(str(station)))
-    texts = list(dict.fromkeys(changes.values())) or [_change(name, before, after)]
-    text = "; ".join(f"{station}: {change}" for station, change in changes.items())
-    return f"{name.replace('_', ' '):<18}{texts[0] if len(texts) == 1 else text}"
+        changes = [_change(name, before[str(station)], after[str(station)]) for station in stations]
+    else:
+        changes = [_change(name, before, after)]
+    if len(set(changes)) > 1:
+        changes = ["; ".join(f"{station}: {text}" for station, text in zip(stations, changes, strict=True))]
+    return f"{name.replace('_', ' '):<18}{changes[0]}"
 
 
 def _change(name: str, before: Any, after: Any) -> str:

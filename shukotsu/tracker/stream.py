@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
@@ -32,7 +31,8 @@ from shukotsu.tracker.viper_decoder import ViperDecoder
 LONGEST_GAP_S = 86_400.0
 """Largest jump of a counter or clock; a larger one means that it was reset."""
 BLOCK_BYTES = 4 << 20
-DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDecoder}
+DECODERS: Mapping[str, Callable[[StreamSettings], PiecewiseDecoder]]
+DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": lambda _: ViperDecoder()}
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class RecordBlock:
     settings: StreamSettings
     records: Records
     host_ns: Integers
-    out_of_order: npt.NDArray[np.bool_]
+    out_of_order: Bools
     skipped: tuple[Skipped, ...]
 
     @property
-    def good(self) -> npt.NDArray[np.bool_]:
+    def good(self) -> Bools:
         """Whether each record's frame, station and numbers are plausible, (N,)."""
         return np.asarray(~(self.records.doubtful | self.out_of_order))
 
@@ -63,7 +63,6 @@ class Tally:
     started_ns, ended_ns : start and end of the stream by the host's clock.
     """
 
-    events: list[Mapping[str, Any]] = field(default_factory=list)
     summary: Mapping[str, Any] | None = None
     spoilt_bytes: int = 0
     unreadable_bytes: int = 0
@@ -105,10 +104,10 @@ class PieceReader:
                 self.decoder = ChunkDecoder(settings_from_json(self._entry(data), str(self.path)))
                 tally.started_ns = host_ns
             elif kind == EVENT:
-                tally.events.append({**self._entry(data), "host_ns": host_ns})
-                if tally.events[-1].get("event") == "started":
+                event = self._entry(data).get("event")
+                if event == "started":
                     tally.started_ns = host_ns
-                elif tally.events[-1].get("event") == "stopped":
+                elif event == "stopped":
                     tally.ended_ns = host_ns
             elif kind == END:
                 tally.summary = self._entry(data)
@@ -152,7 +151,7 @@ class ChunkDecoder:
     def __init__(self, settings: StreamSettings) -> None:
         self.settings = settings
         self.waiting_bytes = 0
-        self._decoder: PiecewiseDecoder = DECODERS[settings.family](settings)
+        self._decoder = DECODERS[settings.family](settings)
         self._counter = Counter(settings)
         self._waiting: list[bytes] = []
         self._length = 0
@@ -172,13 +171,9 @@ class ChunkDecoder:
         decoded = self._decoder.feed(b"".join(self._waiting), final=final)
         self._waiting, self.waiting_bytes = [], 0
         records = decoded.records
-        host_ns = np.empty(0, np.int64)
-        if len(records):
-            arrival = np.searchsorted(self._ends, records.offset + records.size)
-            host_ns = np.array(self._arrivals, np.int64)[arrival]
-        skipped_to = decoded.skipped[-1].offset + decoded.skipped[-1].size if decoded.skipped else 0
-        decided = max(skipped_to, int((records.offset + records.size).max(initial=0)))
-        first = bisect_left(self._ends, decided)
+        arrival = np.searchsorted(self._ends, records.offset + records.size)
+        host_ns = np.array(self._arrivals, np.int64)[arrival]
+        first = bisect_left(self._ends, self._decoder.offset)
         del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(records, host_ns, final=final)
         return RecordBlock(self.settings, records, host_ns, out_of_order, decoded.skipped)
@@ -189,9 +184,7 @@ class Counter:
 
     def __init__(self, settings: StreamSettings) -> None:
         self._settings = settings
-        self._rank = np.full(256, 0, np.int64)
-        self._rank[list(settings.stations)] = np.arange(len(settings.stations))
-        self._active = np.isin(np.arange(256), settings.stations)
+        self._rank = {station: rank for rank, station in enumerate(settings.stations)}
         self._limit = int(LONGEST_GAP_S * settings.rate_hz)
         self._held = empty_records()
         self._held_host_ns = np.empty(0, np.int64)
@@ -268,11 +261,11 @@ class Counter:
 
     def _was_due(self, counter: Integers, station: Integers, before: int, row: int) -> bool:
         """Return whether record `row` is the next one expected after `before` (-1: the first of a frame)."""
-        passed = int(self._rank[station[row]])
+        passed = self._rank.get(int(station[row]), 0)
         if before >= 0:
-            frames = _signed_difference(counter[row] - counter[before])
-            passed += frames * len(self._settings.stations) - self._rank[station[before]] - 1
-        return bool(passed == 0 and self._active[station[row]])
+            frames = int(_signed_difference(counter[row] - counter[before]))
+            passed += frames * len(self._settings.stations) - self._rank.get(int(station[before]), 0) - 1
+        return passed == 0 and int(station[row]) in self._rank
 
 
 def _signed_difference(difference: Integers) -> Integers:
@@ -317,12 +310,7 @@ class Losses:
         self._newest = NO_ROWS
         self._recent = NOTHING  # frames of the last cycles, which may still turn out to be partial
         self._lacking = np.empty(0, bool)  # which of them are already known to be partial
-        self._partial_cycles = 0
-
-    @property
-    def partial_cycles(self) -> int:
-        """Number of cycles with a lost record."""
-        return self._partial_cycles + int(np.count_nonzero(self._lacking))
+        self.partial_cycles = 0
 
     def closed(self) -> tuple[Losses, Integers, Integers]:
         """Return the counts as if the stream ended here, with the gaps and partial frames that this adds."""
@@ -376,7 +364,7 @@ class Losses:
         self.all.frame = last
         old = max(0, len(self._recent) - (0 if final else self._limit))
         partial = self._recent[:old][self._lacking[:old]]
-        self._partial_cycles += len(partial)
+        self.partial_cycles += len(partial)
         self._recent, self._lacking = self._recent[old:], self._lacking[old:]
         return np.concatenate(gaps), partial
 

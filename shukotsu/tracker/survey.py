@@ -8,13 +8,13 @@ fitted line is the one below all arrivals with the smallest mean distance: an ed
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter as Count
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import count_of
@@ -27,20 +27,8 @@ SHORTEST_FIT_S = 30.0
 the typical error of a crystal (about 1e-4)."""
 LARGEST_DRIFT = 2e-3
 """Largest relative deviation from the nominal rate; beyond it, the device runs at another rate."""
-FLAGS = {
-    "doubtful": "the record is framed correctly, but its numbers are impossible",
-    "out-of-order": "its frame or station does not fit between its neighbours'",
-    "device-error": "the tracker's error letter means that the pose is wrong (a to g, A to G)",
-    "device-warning": "another error letter (I: self-test errors, u: outside the mapped area)",
-    "distorted": "the tracker reported that metal distorts its field",
-}
-"""Meaning of a record's flags; bit i is the i-th flag."""
 MOST_KEPT = 8
 """Number of blocks of records, 50 MB, up to which they are kept; longer archives are decoded again."""
-BIT = {flag: np.uint16(1 << bit) for bit, flag in enumerate(FLAGS)}
-
-UNUSABLE = ("doubtful", "out-of-order")
-"""Records whose station and frame number are unreliable."""
 SOURCE_FAILURES = b"abcdefgABCDEFG"
 
 
@@ -48,14 +36,12 @@ SOURCE_FAILURES = b"abcdefgABCDEFG"
 class DeviceClock:
     """Device time: time_s = (frame - first_frame) * period_s.
 
-    host_ns : the host's clock at time_s = 0. fitted : whether period_s was fitted to the host's clock; else
-    it is nominal. measured_rate_hz : frames per second by the host's clock, NaN if the recording is too
-    short.
+    fitted : whether period_s was fitted to the host's clock; else it is nominal. measured_rate_hz : frames
+    per second by the host's clock, NaN if the recording is too short.
     """
 
     first_frame: int
     period_s: float
-    host_ns: int
     fitted: bool
     measured_rate_hz: float
 
@@ -85,16 +71,13 @@ def fit_clock(frame: Integers, host_ns: Integers, rate_hz: float, first_frame: i
         LARGEST_DRIFT.
 
     """
-    host_first = int(host_ns[0])
-    x, y = (frame - first_frame) / rate_hz, (host_ns - host_first).astype(float) * 1e-9
-    slope, fitted, measured = 1.0, False, float("nan")
-    if x[-1] - x[0] >= SHORTEST_FIT_S:
-        slope = _slope_below(x, y)
-        measured = rate_hz / slope if slope > 0 else float("nan")
-        fitted = abs(slope - 1) <= LARGEST_DRIFT
-    slope = slope if fitted else 1.0
-    offset_ns = round(float((y - slope * x).min()) * 1e9)
-    return DeviceClock(first_frame, slope / rate_hz, host_first + offset_ns, fitted, measured)
+    x, y = (frame - first_frame) / rate_hz, (host_ns - host_ns[0]).astype(float) * 1e-9
+    if x[-1] - x[0] < SHORTEST_FIT_S:
+        return DeviceClock(first_frame, 1 / rate_hz, False, math.nan)
+    slope = _slope_below(x, y)
+    measured_rate_hz = rate_hz / slope if slope > 0 else math.nan
+    fitted = abs(slope - 1) <= LARGEST_DRIFT
+    return DeviceClock(first_frame, (slope if fitted else 1.0) / rate_hz, fitted, measured_rate_hz)
 
 
 def _slope_below(x: Array, y: Array) -> float:
@@ -167,12 +150,11 @@ class Survey:
         records, good = block.records, block.good
         for skip in block.skipped:
             row = int(np.searchsorted(records.offset, skip.offset)) - 1
+            first = skip.offset
             frame = int(records.frame[row]) if row >= 0 else self.losses.newest_frame
             if self.skipped and sum(self.skipped[-1][:2]) == skip.offset:  # continues across two blocks
-                offset, size, frame = self.skipped.pop()
-                self.skipped.append((offset, size + skip.size, frame))
-            else:
-                self.skipped.append((skip.offset, skip.size, frame))
+                first, _, frame = self.skipped.pop()
+            self.skipped.append((first, skip.offset + skip.size - first, frame))
         self.doubtful.add(records, records.doubtful)
         self.out_of_order.add(records, block.out_of_order & ~records.doubtful)
         self.distorted.add(records, (records.distortion > 0) & good)
@@ -206,17 +188,17 @@ def survey_archive(archive: Archive) -> Survey:
 
 @dataclass(frozen=True)
 class FlaggedRecords:
-    """Records of a block with device time (N,), arrival times (N,) and flags (N,), bits as in FLAGS."""
+    """Records of a block with device time (N,).
+
+    usable : (N,) whether station and frame number are reliable. flags : reports of the tracker, (N,) by name:
+    "device-error" (its error letter, a to g or A to G, means that the pose is wrong), "device-warning"
+    (another letter, I: self-test errors, u: outside the mapped area), "distorted" (metal distorts its field).
+    """
 
     records: Records
     time_s: Array
-    host_ns: Integers
-    flags: npt.NDArray[np.uint16]
-
-    def flagged(self, *names: str) -> Bools:
-        """Return whether each record has any of the flags, (N,)."""
-        mask = np.bitwise_or.reduce([BIT[name] for name in names])
-        return np.asarray((self.flags & mask) != 0)
+    usable: Bools
+    flags: Mapping[str, Bools]
 
 
 def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords]:
@@ -224,16 +206,15 @@ def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords
     if survey.clock is None:
         return
     for block in survey.blocks or blocks_of(archive, Tally()):
-        if len(block.records):
-            time_s = survey.clock.time_s(block.records.frame)
-            records, flags = block.records, np.zeros(len(block.records), np.uint16)
+        records = block.records
+        if len(records):
             source = np.isin(records.error, list(SOURCE_FAILURES))
-            flags[records.doubtful] |= BIT["doubtful"]
-            flags[block.out_of_order] |= BIT["out-of-order"]
-            flags[source] |= BIT["device-error"]
-            flags[(records.error != 0) & ~source] |= BIT["device-warning"]
-            flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
-            yield FlaggedRecords(records, time_s, block.host_ns, flags)
+            flags = {
+                "device-error": source,
+                "device-warning": (records.error != 0) & ~source,
+                "distorted": (records.distortion > 0) & ~records.doubtful,
+            }
+            yield FlaggedRecords(records, survey.clock.time_s(records.frame), block.good, flags)
 
 
 NAMED_PLACES, CLOCK_JUMP_S = 3, 0.1

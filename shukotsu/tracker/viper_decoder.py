@@ -7,6 +7,7 @@ Manual URM18PH392.
 
 from __future__ import annotations
 
+import re
 import struct
 
 import numpy as np
@@ -30,6 +31,7 @@ _MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
 _QUATERNION, _WITH_ACCELERATION, _FULL_SCALE = 2, 1, 32768
 _SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
 _COUNT_AT = 20
+_PREAMBLE, _CUT_OFF = re.compile(b"VPR[CP]"), re.compile(rb"VPR[CP]|(V|VP|VPR)\Z")
 
 _REGISTERS = np.arange(256, dtype=np.uint16)
 for _ in range(8):
@@ -67,22 +69,14 @@ class ViperDecoder(protocol.PiecewiseDecoder):
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
         at, end, is_pose = _possible_frames(b)
-        good = _sound(b, at, end)
-        waiting = (end > len(b)) & (not final)
-        kept = _disjoint(at, end, good, waiting)
-        at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
+        kept, waiting_at = _disjoint(at, end, _sound(b, at, end), (end > len(b)) & (not final))
+        at, end, is_pose = at[kept], end[kept], is_pose[kept]
         decided = len(b)
-        if not final:  # keep the bytes from the first preamble, after all frames, that the end cuts off
-            first = max(int(end[~waiting].max(initial=0)), len(b) - POSE_HEADER_BYTES + 1)
-            leaders = (
-                (start, b[start : start + len(POSE_PREAMBLE)].tobytes()) for start in range(first, len(b))
-            )
-            preambles = POSE_PREAMBLE, COMMAND_PREAMBLE
-            cut_off = (start for start, leader in leaders if any(p.startswith(leader) for p in preambles))
-            decided = next(cut_off, len(b))
-        if waiting.any():
-            decided = int(at[waiting][0])
-            at, end, is_pose = at[~waiting], end[~waiting], is_pose[~waiting]
+        if waiting_at is not None:
+            decided = waiting_at
+        elif not final:  # a frame whose header is cut off may begin after the others
+            cut_off = _CUT_OFF.search(b.data, max(int(end.max(initial=0)), len(b) - POSE_HEADER_BYTES + 1))
+            decided = cut_off.start() if cut_off else len(b)
         is_pose = is_pose & (end - at > POSE_HEADER_BYTES + CRC_BYTES)
         pose_at, sizes = at[is_pose], (end - at)[is_pose]
         of_size = [(pose_at[sizes == size], int(size)) for size in np.unique(sizes)]
@@ -93,33 +87,27 @@ class ViperDecoder(protocol.PiecewiseDecoder):
         return Decoded(records, protocol.gaps(at, end, decided), replies), decided
 
 
-def _disjoint(at: Integers, end: Integers, good: Bools, waiting: Bools) -> Integers:
-    """Return indices of the good frames, up to and including the first that still waits for bytes.
+def _disjoint(at: Integers, end: Integers, good: Bools, waiting: Bools) -> tuple[Integers, int | None]:
+    """Return indices of the good frames before the first that still waits for bytes, and its first byte.
 
     Frames inside the body of an accepted frame are skipped.
     """
-    candidates = np.flatnonzero(good | waiting)
-    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
-        return candidates
-    kept, position = [], 0
-    for index in candidates:
-        if at[index] >= position:
-            kept.append(index)
-            position = end[index]
-            if waiting[index]:
-                break
-    return np.array(kept, np.int64)
+    kept, position = list[int](), 0
+    for index in np.flatnonzero(good | waiting).tolist():
+        if at[index] < position:
+            continue
+        if waiting[index]:
+            return np.array(kept, np.int64), int(at[index])
+        kept.append(index)
+        position = int(end[index])
+    return np.array(kept, np.int64), None
 
 
 def _possible_frames(b: Bytes) -> tuple[Integers, Integers, Bools]:
     """Return plausible frames: their first byte, the first byte after, and whether they are pose frames."""
-    at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
-    for index in (1, 2):
-        at = at[b[at + index] == COMMAND_PREAMBLE[index]]
-    kind = b[at + 3]
-    is_pose = kind == POSE_PREAMBLE[3]
-    either = is_pose | (kind == COMMAND_PREAMBLE[3])
-    at, is_pose = at[either], is_pose[either]
+    heads = b[: max(0, len(b) - POSE_HEADER_BYTES + len(POSE_PREAMBLE))]
+    at = np.fromiter((preamble.start() for preamble in _PREAMBLE.finditer(heads.data)), np.int64)
+    is_pose = b[at + 3] == POSE_PREAMBLE[3]
     size = _read_unsigned(b, at + 4) + LEADER_BYTES
     sensors = _read_unsigned(b, at + _COUNT_AT)
     of_poses = size == POSE_HEADER_BYTES + _SENSOR.itemsize * sensors + CRC_BYTES
@@ -151,9 +139,8 @@ def _reply(b: Bytes, at: int, end: int) -> Reply:
     body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
     if b[at + 3] == POSE_PREAMBLE[3]:
         return Reply(at, 0, CONTINUOUS, 0, body)
-    _, command, action, sensor, _ = struct.unpack_from("<5I", body)
-    station = sensor + 1 if sensor < SENSORS else 0
-    return Reply(at, station, command, action if action in (REFUSED, WARNED) else 0, body)
+    _, command, action = struct.unpack_from("<3I", body)
+    return Reply(at, 0, command, action if action in (REFUSED, WARNED) else 0, body)
 
 
 def _records_of_size(rows: Bytes, at: Integers) -> Records:

@@ -7,13 +7,12 @@ header.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.tracker import viper_decoder as viper
-from shukotsu.tracker.conversation import TRACK, TrackerDriver
-from shukotsu.tracker.records import Reply, StreamSettings
+from shukotsu.tracker.conversation import TrackerDriver
+from shukotsu.tracker.liberty import stations_of
+from shukotsu.tracker.records import TRACK, Reply, StreamSettings
 from shukotsu.tracker.viper_decoder import ANY, CONTINUOUS, GET, SENSORS, SET, command_frame
 
 HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, WHOAMI = 0, 1, 4, 6, 7, 10, 11, 20
@@ -33,7 +32,7 @@ class ViperDriver(TrackerDriver):
         """Identify the tracker, set it up and verify every setting. Raises InputError if any of it fails."""
         whoami = self._find(self._attempt)
         (bits,) = struct.unpack_from("<H", self._get(STATION_MAP, ANY, 0).ljust(2, b"\0"))
-        stations = tuple(sensor + 1 for sensor in range(SENSORS) if bits & 1 << sensor)
+        stations = stations_of(bits)
         if not stations:
             raise InputError(f"{self._port_name}: no sensor is connected; plug them in")
         wanted = self._wanted(stations)
@@ -56,10 +55,9 @@ class ViperDriver(TrackerDriver):
         rate_hz = float(self._request.rate_hz)
         return StreamSettings("viper", "binary", "cm", rate_hz, stations, {}, hemisphere, options)
 
-    def start(self) -> Mapping[str, Any]:
+    def start(self) -> None:
         """Reset the frame counter and start streaming."""
-        frame = command_frame(CONTINUOUS, SET, payload=struct.pack("<i", 0))
-        return {"sent_ns": self._conversation.send(frame)}
+        self._conversation.send(command_frame(CONTINUOUS, SET, payload=struct.pack("<i", 0)))
 
     def stop(self) -> None:
         """Stop streaming."""
@@ -111,8 +109,7 @@ class ViperDriver(TrackerDriver):
 
 
 def _replies(data: bytes) -> tuple[Reply, ...]:
-    settings = StreamSettings("viper", "binary", "cm", 240.0, ())
-    decoded = viper.ViperDecoder(settings).feed(data, final=True)
+    decoded = viper.ViperDecoder().feed(data, final=True)
     return tuple(reply for reply in decoded.replies if reply.command not in (viper.SINGLE, CONTINUOUS))
 
 

@@ -56,21 +56,19 @@ def test_every_archived_row_is_read_back(tmp_path: Path) -> None:
     assert piece.kind.tolist() == [SENT, RECEIVED, SETTINGS, EVENT, END]
     assert piece.host_ns.tolist() == [1, 2, 3, 4, 5]
     assert piece.utc_offset_ns.tolist() == [5] * 5
-    expected = [
+    assert piece.data == [
         b"P",
         b"\0\xff\n",
         b'{"unit": "cm"}',
         b'{"event": "note", "text": "left"}',
         b'{"reason": "key"}',
     ]
-    assert piece.data == expected
 
 
 def test_an_archive_is_a_plain_arrow_stream(tmp_path: Path) -> None:
     table = pa.ipc.open_stream(written(tmp_path / "a.arrows")).read_all()
     assert table.num_rows == 25
-    names = ["host_ns", "utc_offset_ns", "kind", "data", "crc32", "row", "row_crc32"]
-    assert table.column_names == names
+    assert table.column_names == ["host_ns", "utc_offset_ns", "kind", "data", "crc32", "row", "row_crc32"]
     assert table.column("row").to_pylist() == list(range(25))
     assert table.schema.field("host_ns").metadata[b"unit"] == b"ns"
 

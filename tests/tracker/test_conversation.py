@@ -1,13 +1,14 @@
 """Conversations with a port that floods: bounded memory and bounded questions."""
 
 import time
+from contextlib import closing
 
 import pytest
 from tracker_processes import PATIENCE_S
 
 from shukotsu.errors import InputError
 from shukotsu.tracker import conversation
-from shukotsu.tracker.conversation import Conversation, StopRequest
+from shukotsu.tracker.conversation import Conversation
 from shukotsu.tracker.port import Port
 
 PIECE = b"\xc3junk\r\n" * 1000
@@ -16,19 +17,12 @@ PIECE = b"\xc3junk\r\n" * 1000
 class FloodedPort(Port):
     """A port that always has more data than can be read, and accepts all that is sent."""
 
-    def __init__(self) -> None:
-        super().__init__("flood")
-        self.stop: StopRequest | None = None
-
     def read(self) -> bytes:
         """Return junk at once."""
         return PIECE
 
     def write(self, data: bytes) -> None:
-        """Accept a command, and ask the session to stop if it has a stop request."""
-        del data
-        if self.stop is not None:
-            self.stop.ask("SIGTERM")
+        """Accept a command."""
 
     def close(self) -> None:
         """Do nothing."""
@@ -42,7 +36,7 @@ def small_limits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small_limits")
 def test_unread_data_is_dropped_and_counted() -> None:
-    reader = Conversation(FloodedPort())
+    reader = Conversation(FloodedPort("flood"))
     end = time.monotonic() + PATIENCE_S
     while not reader.dropped_bytes and time.monotonic() < end:
         time.sleep(0.01)
@@ -56,17 +50,10 @@ def test_unread_data_is_dropped_and_counted() -> None:
 
 @pytest.mark.usefixtures("small_limits")
 def test_a_question_without_an_answer_ends() -> None:
-    reader, longest = Conversation(FloodedPort()), 0
-
-    def answer_in(data: bytes) -> None:
-        nonlocal longest
-        longest = max(longest, len(data))
-
-    try:
+    lengths: list[int] = []
+    with closing(Conversation(FloodedPort("flood"))) as reader:
         with pytest.raises(InputError, match=r"^flood: the device there is not a tracker: it sent \d+ MB be"):
-            reader.ask(b"?", answer_in, PATIENCE_S)
-        assert longest <= conversation.ANSWER_BYTES + 11 * len(PIECE)
+            reader.ask(b"?", lambda data: lengths.append(len(data)), PATIENCE_S)
+        assert max(lengths) <= conversation.ANSWER_BYTES + 11 * len(PIECE)
         reader.frames_began = True
         assert reader.receive(PATIENCE_S), "the number of frames is not limited"
-    finally:
-        reader.close()

@@ -13,18 +13,14 @@ from shukotsu.tracker.stream import Counter
 STATIONS = (1, 2, 5)
 
 
-def decoded(counters, stations, *, clock: bool = False, offsets=None) -> Records:
+def decoded(counters, stations) -> Records:
     records = empty_records(len(counters))
-    records.station[:] = stations
-    if counters[:1] != [None]:
-        (records.device_ms if clock else records.frame)[:] = counters
-    records.size[:] = 40
-    records.offset[:] = np.arange(len(counters)) * 40 if offsets is None else offsets
+    records.frame[:], records.station[:] = counters, stations
     return records
 
 
-def number(pieces: list[Records], rate_hz: float = 240.0):
-    counter = Counter(StreamSettings("liberty", "binary", "cm", rate_hz, STATIONS))
+def number(pieces: list[Records]):
+    counter = Counter(StreamSettings("liberty", "binary", "cm", 240.0, STATIONS))
     frames, odd = [], []
     for index, piece in enumerate(pieces):
         arrivals = np.zeros(len(piece), np.int64)

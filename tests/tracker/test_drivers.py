@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import struct
 from contextlib import closing
+from fractions import Fraction
 from pathlib import Path
 
-import numpy as np
 import pytest
+from captures import decoded
 from tracker_processes import StubbornTracker, at_a_port
 from tracker_streams import viper_closed, viper_reply
 
@@ -16,14 +17,12 @@ from shukotsu.errors import InputError
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker import conversation, viper_driver
 from shukotsu.tracker import liberty_driver as driver
-from shukotsu.tracker.archive import open_archive
-from shukotsu.tracker.conversation import Conversation, RecordingRequest, StopRequest, is_default_alignment
-from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
-from shukotsu.tracker.liberty_driver import SETTINGS
+from shukotsu.tracker.conversation import Conversation, RecordingRequest, StopRequest
+from shukotsu.tracker.emulated_device import built_in_motion
+from shukotsu.tracker.liberty_driver import SETTINGS, is_default_alignment
 from shukotsu.tracker.port import SerialPort, open_port
 from shukotsu.tracker.records import StreamSettings
 from shukotsu.tracker.session import DRIVERS, RecordingPlan, record
-from shukotsu.tracker.stream import Tally, blocks_of
 
 REQUEST = RecordingRequest(
     "liberty", asked_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True
@@ -49,9 +48,10 @@ def set_up(
 
 def stubborn(unheard: bytes = b"no command", heard: bytes = b"", *, before: bytes = b"") -> StubbornTracker:
     """Return a LIBERTY with two receivers that ignores some commands; before : sent by an earlier program."""
-    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), ports=4)
-    device.receive(before)
-    return StubbornTracker(device, unheard, heard)
+    tracker = StubbornTracker(built_in_motion(), frozenset({1, 2}), ports=4)
+    tracker.receive(before)
+    tracker.unheard, tracker.heard = unheard, heard
+    return tracker
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def test_receivers_switched_off_earlier_are_switched_on_or_reported(obeys: bool)
     tracker = stubborn(b"no command" if obeys else b"\x152,1\r", before=b"\x152,0\r")
     settings, warnings = set_up(tracker, RecordingRequest("liberty"))
     assert settings.stations == ((1, 2) if obeys else (1,))
-    assert tracker.device.active() == settings.stations
+    assert tracker.active() == settings.stations
     assert warnings == ([] if obeys else ["receiver 2: cannot be switched on; not recorded"])
 
 
@@ -91,7 +91,7 @@ def test_another_line_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) 
 
     def read(port: SerialPort) -> bytes:
         data = plain(port)
-        return data if port.baud == 38400 else bytes(255 - byte for byte in data)
+        return data if port.line_baud == 38400 else bytes(255 - byte for byte in data)
 
     monkeypatch.setattr(SerialPort, "read", read)
     monkeypatch.setattr(conversation, "OTHER_BAUDS", (38400, 19200))
@@ -132,12 +132,12 @@ STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = 10, 11, 19, 20
 class Viper:
     """A VIPER left streaming by an earlier program: two sensors at 120 Hz in inches and degrees."""
 
-    period_s = 1 / 120
+    rate = Fraction(120)
 
     def __init__(self, deaf_to: tuple[int, ...] = ()) -> None:
         self.deaf_to = deaf_to
         self.streaming = True
-        self.frame = 12345
+        self.cycle, self.frame = 0, 12345
         self.settings: dict[tuple[int, ...], bytes] = {
             (UNITS, ANY, 0): struct.pack("<2I", 0, 0),
             (RATE, ANY, 0): struct.pack("<I", 2),
@@ -151,7 +151,7 @@ class Viper:
             for kind in (1, 2):
                 self.settings[FILTER, sensor, kind] = struct.pack("<I4f", 2, 0.2, 0.2, 0.8, 0.9)
 
-    def take(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Return the answers to commands."""
         out = b""
         while data:
@@ -173,8 +173,11 @@ class Viper:
         answer = self.settings.get(key, b"") if action == 1 else b""
         return viper_reply(command, answer, 3 if key in self.settings else 4)
 
-    def cycle(self) -> bytes:
+    def next_cycle(self) -> bytes:
         """Return the data of one cycle."""
+        self.cycle += 1
+        if not self.streaming:
+            return b""
         position, orientation = struct.unpack("<2I", self.settings[UNITS, ANY, 0])
         body = struct.pack("<4I", 7, self.frame, 0, 2)
         for sensor in (0, 2):
@@ -192,10 +195,9 @@ def recorded(device: Viper, request: RecordingRequest, folder: Path) -> Path:
 
 
 def test_a_viper_is_set_up_and_recorded(tmp_path: Path) -> None:
-    device, tally = Viper(), Tally()
+    device = Viper()
     out = recorded(device, RecordingRequest("viper", no_filters=True), tmp_path)
-    blocks = list(blocks_of(open_archive(out), tally))
-    settings = blocks[0].settings
+    records, tally, settings = decoded(out)
     assert settings.stations == (1, 3)
     assert (settings.unit, settings.rate_hz) == ("cm", 240.0)
     assert "VIPER 16 1234" in settings.options["whoami"]
@@ -206,11 +208,10 @@ def test_a_viper_is_set_up_and_recorded(tmp_path: Path) -> None:
     assert device.settings[HEMISPHERE, 2, 0] == struct.pack("<I3f", 0, 1, 0, 0)
     assert device.settings[FILTER, 2, 1][:4] == bytes(4)
     assert not device.streaming
-    frames = np.concatenate([block.records.frame for block in blocks])
-    assert {*np.concatenate([block.records.station for block in blocks]).tolist()} == {1, 3}
-    assert blocks[0].records.position_mm[0].tolist() == [100.0, 200.0, 300.0]
-    assert frames.tolist() == [frame for frame in range(len(frames) // 2) for _ in settings.stations]
-    assert len(frames) > 2 * 6
+    assert {*records.station.tolist()} == {1, 3}
+    assert records.position_mm[0].tolist() == [100.0, 200.0, 300.0]
+    assert records.frame.tolist() == [frame for frame in range(len(records) // 2) for _ in settings.stations]
+    assert len(records) > 2 * 6
     assert tally.summary is not None
     assert tally.summary["lost_frames"] == 0
 

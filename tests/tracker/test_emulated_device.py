@@ -11,24 +11,13 @@ from shukotsu.tracker.emulated_device import EmulatedLiberty, PlayedMotion, buil
 from shukotsu.tracker.liberty import FULL_LIST, BinaryDecoder
 from shukotsu.tracker.liberty_driver import SETTINGS
 
-ALL = frozenset(range(1, 17))
 
-
-def device(stations: frozenset[int] = ALL) -> EmulatedLiberty:
-    return EmulatedLiberty(built_in_motion(), stations)
-
-
-def answers_to(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
-    return b"".join(tracker.receive(command) for command in commands)
+def device() -> EmulatedLiberty:
+    return EmulatedLiberty(built_in_motion(), frozenset(range(1, 17)))
 
 
 def cycles(tracker: EmulatedLiberty, count: int) -> bytes:
     return b"".join(tracker.next_cycle() for _ in range(count))
-
-
-def records(data: bytes, size: int) -> list[bytes]:
-    assert len(data) % size == 0
-    return [data[at : at + size] for at in range(0, len(data), size)]
 
 
 DEFAULTS = {
@@ -53,35 +42,36 @@ def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
     text, numbers = DEFAULTS[setting.command]
     station = 7 if setting.per_station else 0
     letter = chr(setting.command[0] + 0x60 * (setting.command[0] < 0x20)).encode()
-    assert answers_to(tracker, setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
-    answers_to(tracker, b"F1\r")
-    (reply,) = replies.binary_answers(answers_to(tracker, setting.question(station).lower()))
+    assert tracker.receive(setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
+    tracker.receive(b"F1\r")
+    (reply,) = replies.binary_answers(tracker.receive(setting.question(station).lower()))
     assert replies.answers(reply, setting, station)
     assert replies.binary_value(setting, reply) == pytest.approx(numbers)
     if setting.per_station:
-        assert answers_to(tracker, setting.question(17))[4] == 2, "Invalid Station"
+        assert tracker.receive(setting.question(17))[4] == 2, "Invalid Station"
 
 
 def flat(x_mm: np.ndarray) -> PlayedMotion:
-    position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
-    return PlayedMotion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
+    poses = np.tile([0.0, 300.0, 20.0, 1.0, 0.0, 0.0, 0.0], (len(x_mm), 1, 1))
+    poses[:, 0, 0] = x_mm
+    return PlayedMotion((1,), poses)
 
 
 def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
-    answers_to(tracker, b"F1\rU1\rO1,2,7\rC\r")
-    return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
+    tracker.receive(b"F1\rU1\rO1,2,7\rC\r")
+    return np.array([numbers[8:] for numbers in struct.iter_unpack("<8B7f", cycles(tracker, count))])
 
 
 def test_a_receiver_that_leaves_the_hemisphere_is_mirrored() -> None:
     """Its orientation is unchanged; there is no flip if the hemisphere follows the receiver."""
     motion = flat(np.linspace(100, -100, 200))
-    true = motion.position_mm[:, 0] / 10
+    true = motion.poses[:, 0, :3] / 10
     seen = measured_cm(EmulatedLiberty(motion, frozenset({1})), 200)
     assert seen[:100, :3] == pytest.approx(true[:100], abs=1e-5)
     assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
     assert (seen[:, 3:] == [1, 0, 0, 0]).all()
     follows = EmulatedLiberty(motion, frozenset({1}))
-    answers_to(follows, b"H*,0,0,0\r")
+    follows.receive(b"H*,0,0,0\r")
     assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
 
 
@@ -89,15 +79,15 @@ def test_a_receiver_that_leaves_the_hemisphere_is_mirrored() -> None:
 def test_decoders_read_the_emulators_data(items: tuple[int, ...]) -> None:
     tracker = device()
     chosen = ",".join(map(str, items)).encode()
-    answers_to(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
+    tracker.receive(b"F1\rU1\rO*,%s\rC\r" % chosen)
     stations = tuple(range(1, 17))
     got = BinaryDecoder(settings("liberty", items, stations)).feed(cycles(tracker, 200), final=True)
     assert not got.skipped
     assert len(got.records) == 16 * 200
-    position, quaternion = built_in_motion().poses(np.arange(200), stations)
-    cosine = np.einsum("ij,ij->i", got.records.quaternion, quaternion.reshape(-1, 4))
+    true = built_in_motion().poses[:200].reshape(-1, 7)
+    cosine = np.einsum("ij,ij->i", got.records.quaternion, true[:, 3:])
     assert np.abs(np.abs(cosine) - 1).max() < 1e-4
-    assert np.abs(got.records.position_mm - position.reshape(-1, 3)).max() < 1e-4
+    assert np.abs(got.records.position_mm - true[:, :3]).max() < 1e-4
     if 9 in items:
         frame = np.repeat(np.arange(200), 16)
         assert (got.records.frame == frame).all()

@@ -2,12 +2,13 @@
 
 import itertools
 import random
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from tracker_streams import viper_frame
+from tracker_streams import settings, viper_frame
 
 from shukotsu.arrays import Bools, Integers
 from shukotsu.tracker.archive import ArchiveWriter, open_archive
@@ -109,14 +110,14 @@ def counts(came: dict[int, set[int]], rate_hz: float) -> tuple[int, int, int, di
 
 
 def record_and_decode(
-    path: Path, settings: StreamSettings, line: list[Sent], draw: random.Random, stall: tuple[float, float]
+    path: Path, how: StreamSettings, line: list[Sent], draw: random.Random, stall: tuple[float, float]
 ) -> tuple[dict[str, Any], Survey]:
     """Return the recorder's totals and the decoder's survey; stall : the time in which the host reads
     nothing.
     """
     archive = ArchiveWriter(path, {}, lambda: 0)
-    archive.settings(settings.to_json(), 0)
-    decoder, statistics = ChunkDecoder(settings), Statistics(settings, 0)
+    archive.settings(how.to_json(), 0)
+    decoder, statistics = ChunkDecoder(how), Statistics(how, 0)
     ticks = [round(nth * TICK_S, 3) for nth in range(1, 860)]
     due = np.searchsorted([record.time_s for record in line], [0.0, *ticks])
     waiting = b""
@@ -148,21 +149,15 @@ def check_session(path: Path, kind: str, seed: int) -> float:
         length = draw.choice([draw.uniform(0.15, 0.6), draw.uniform(0.6, 3.0)])
         gaps.append((first, draw.choice([first + length, first + length, SECONDS]), draw.random() < 0.5))
 
-    def alone(*moments: float) -> bool:
-        """Return whether no outage is near, which would hide other losses."""
-        return all(b < at - 1 or at + 2.5 < a for a, b, _ in gaps for at in moments)
-
     start, stall_s, late_s = draw.uniform(0.5, 4.5), draw.uniform(1, 5), draw.uniform(0.1, 0.7)
     out = (draw.randint(1, count), start, start + draw.uniform(2.0, 3.0))
     if count == 1 or draw.random() < 0.5:
         out = (0, 0.0, 0.0)
-    stalls = alone(stall_s)
+    stalls = all(b < stall_s - 1 or stall_s + 2.5 < a for a, b, _ in gaps)  # an outage would hide its losses
     line = with_losses(sent_by(kind, out), gaps)
-    stations = tuple(range(1, count + 1))
-    lists = dict.fromkeys(stations, items) if items else {}
-    settings = StreamSettings(family, "binary", "cm", float(rate_hz), stations, lists)
+    how = replace(settings(family, items, range(1, count + 1)), rate_hz=float(rate_hz))
     stall = (stall_s, stall_s + late_s * stalls)
-    totals, survey = record_and_decode(path, settings, line, draw, stall)
+    totals, survey = record_and_decode(path, how, line, draw, stall)
     lost = {int(s): heard["lost_frames"] for s, heard in totals["receivers"].items() if heard["records"]}
     recorded = (totals["lost_cycles"], totals["partial_cycles"], totals["cycles"], lost)
     losses = survey.losses

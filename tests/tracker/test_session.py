@@ -10,15 +10,15 @@ import re
 import resource
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from tracker_processes import PATIENCE_S, SHUKOTSU, StubbornTracker, at_a_port, emulator, shukotsu
+from captures import decoded
+from tracker_processes import PATIENCE_S, SHUKOTSU, at_a_port, emulator, shukotsu
 
 from shukotsu.commands import record_tracker
 from shukotsu.tables.line_printer import LinePrinter
@@ -27,9 +27,8 @@ from shukotsu.tracker.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_
 from shukotsu.tracker.conversation import RecordingRequest, StopRequest
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.port import open_port
-from shukotsu.tracker.records import Records, concatenate_records
+from shukotsu.tracker.records import Records
 from shukotsu.tracker.session import RecordingPlan, record
-from shukotsu.tracker.stream import Tally, blocks_of
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
 """Commands with lasting effects: re-initialise, start-up settings, save, name, line settings."""
@@ -47,12 +46,6 @@ def events(path: Path) -> list[dict[str, object]]:
     return [json.loads(data) for kind, data in rows(path) if kind == EVENT]
 
 
-def decoded(path: Path):
-    tally = Tally()
-    blocks = list(blocks_of(open_archive(path), tally))
-    return concatenate_records([block.records for block in blocks]), tally, blocks[0].settings
-
-
 def frames_of(records: Records, station: int = 1) -> np.ndarray:
     return records.frame[records.station == station]
 
@@ -62,26 +55,17 @@ def assert_gapless(frames: np.ndarray) -> None:
     assert np.diff(frames).tolist() == [1] * (len(frames) - 1)
 
 
-def assert_complete(path: Path, stations: int) -> None:
-    """Check that every receiver has every frame from the first to the last."""
+def assert_complete(path: Path) -> None:
+    """Check that each of four receivers has every frame from the first to the last."""
     records, tally, _ = decoded(path)
     frames = np.unique(records.frame)
     assert_gapless(frames)
-    for station in range(1, stations + 1):
+    for station in range(1, 5):
         mine = frames_of(records, station)
         assert len(np.unique(mine)) >= len(frames) - 1, "the last cycle may be cut by the stop"
     assert tally.summary is not None
     assert tally.summary["skipped_bytes"] == 0
     assert tally.summary["records"] == len(records), "records after the stop are counted too"
-
-
-@pytest.fixture
-def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
-    """Function that starts an emulated tracker with options of the emulator and returns its port."""
-    with ExitStack() as running:
-        yield lambda *options, tcp=False: running.enter_context(
-            emulator(*options, port=("--tcp", "0") if tcp else ("--pty", str(tmp_path / "tracker")))
-        )
 
 
 @contextmanager
@@ -103,23 +87,24 @@ def error_line(stderr: str) -> str:
 
 
 @pytest.mark.slow
-def test_four_receivers_are_recorded_completely(emulated, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_four_receivers_are_recorded_completely(tmp_path: Path, capsys, monkeypatch) -> None:
     """The tracker was left streaming. No frame is lost, and the archive contains all that is needed to read
     it.
     """
     monkeypatch.setattr(session, "LOOK_S", 0.2)
-    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program left it streaming
-    os.write(descriptor, b"F1\rU1\rO*,2,4,9,1\rC\r")
-    while not os.read(descriptor, 1):
-        continue
-    os.close(descriptor)
+    port, out = str(tmp_path / "tracker"), tmp_path / "rom.arrows"
     argv = ["--port", port, "--out", str(out), "--duration", "0.6", "--note", "first", "--note", "second"]
-    assert record_tracker.main(argv) == 0
+    with emulator("--stations", "1-4", port=("--pty", port)):
+        descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program left it streaming
+        os.write(descriptor, b"F1\rU1\rO*,2,4,9,1\rC\r")
+        while not os.read(descriptor, 1):
+            continue
+        os.close(descriptor)
+        assert record_tracker.main(argv) == 0
     printed = capsys.readouterr()
     assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 0\.6\)", printed.out)
     assert "4 of 4 receivers" in printed.err
-    assert_complete(out, 4)
+    assert_complete(out)
     _, _, settings = decoded(out)
     assert settings.unit == "cm"
     assert settings.items[16] == (8, 9, 11, 10, 12, 3, 7)
@@ -138,15 +123,23 @@ def test_four_receivers_are_recorded_completely(emulated, tmp_path: Path, capsys
 # --- failures: the data kept, and the message for the user -----------------------------------------
 
 
-class Vanishing(StubbornTracker):
-    """A LIBERTY with four receivers that disappears in the middle of a record, after 300 frames."""
+class Silent(EmulatedLiberty):
+    """A LIBERTY that does not answer."""
+
+    def receive(self, _data: bytes) -> bytes:
+        """Ignore a command."""
+        return b""
+
+
+class Vanishing(EmulatedLiberty):
+    """A LIBERTY that disappears in the middle of a record, after 300 frames."""
 
     left, gone = 300, False
 
-    def cycle(self) -> bytes:
+    def next_cycle(self) -> bytes:
         """Return the data of one cycle, or in the last cycle half a record."""
-        data = super().cycle()
-        self.left -= self.device.streaming
+        data = super().next_cycle()
+        self.left -= self.streaming
         self.gone = self.left < 0
         return data[:20] if self.gone else data
 
@@ -154,7 +147,7 @@ class Vanishing(StubbornTracker):
 @pytest.mark.slow
 def test_a_silent_port_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
-    with at_a_port(SimpleNamespace(streaming=False, take=lambda _: b"")) as port:
+    with at_a_port(Silent(built_in_motion(), frozenset())) as port:
         done = shukotsu("record", "--port", port, "--out", str(out))
     assert done.returncode == 2
     assert f"error: {port}: nothing answers" in error_line(done.stderr)
@@ -165,8 +158,7 @@ def test_a_silent_port_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_tracker_that_disappears_leaves_a_readable_recording(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
-    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
-    with at_a_port(Vanishing(device)) as port:
+    with at_a_port(Vanishing(built_in_motion(), frozenset({1, 2, 3, 4}))) as port:
         done = shukotsu("record", "--port", port, "--out", str(out))
     assert done.returncode == 3, done.stderr
     message = error_line(done.stderr)
@@ -178,21 +170,21 @@ def test_a_tracker_that_disappears_leaves_a_readable_recording(tmp_path: Path) -
     assert_gapless(frames_of(records))
     assert tally.summary is not None
     assert tally.summary["reason"].startswith("the port is gone")
-    assert "failed" in [event["event"] for event in tally.events]
+    assert "failed" in [event["event"] for event in events(out)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
-    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    with recorder(port, out) as process:
+def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
+    with emulator("--stations", "1-4") as port, recorder(port, out) as process:
         assert process.stderr is not None
         assert any(" Hz " in line for line in iter(process.stderr.readline, "")), "it ended early"
         process.send_signal(number)
         printed, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0
     assert f"({number.name})" in printed
-    assert_complete(out, 4)
+    assert_complete(out)
     _, tally, _ = decoded(out)
     assert tally.summary is not None
     assert tally.summary["reason"] == number.name
@@ -200,13 +192,13 @@ def test_a_signal_ends_the_recording_as_planned(number: signal.Signals, emulated
 
 
 @pytest.mark.slow
-def test_a_full_disk_ends_the_recording_and_leaves_it_readable(emulated, tmp_path: Path) -> None:
-    port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
+def test_a_full_disk_ends_the_recording_and_leaves_it_readable(tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 
-    with recorder(port, out, preexec_fn=limit) as process:
+    with emulator(port=("--tcp", "0")) as port, recorder(port, out, preexec_fn=limit) as process:
         _, stderr = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 3
     assert f"error: {port}: the disk takes no more (File too large) after" in error_line(stderr)
@@ -218,7 +210,7 @@ def test_a_full_disk_ends_the_recording_and_leaves_it_readable(emulated, tmp_pat
 
 
 @pytest.mark.slow
-def test_setting_the_hosts_clock_is_noted_and_does_no_harm(emulated, tmp_path: Path) -> None:
+def test_setting_the_hosts_clock_is_noted_and_does_no_harm(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     calls, stop = 0, StopRequest()
 
@@ -229,14 +221,13 @@ def test_setting_the_hosts_clock_is_noted_and_does_no_harm(emulated, tmp_path: P
             stop.ask("enough")
         return 10**18 - (3600 * 10**9 if calls > 700 else 0)
 
-    port = open_port(emulated("--stations", "1"), 115200)
     plan = RecordingPlan(out, RecordingRequest("liberty"))
-    ending = record(plan, port, LinePrinter(io.StringIO()), stop, {}, utc_offset_ns)
-    port.close()
+    with emulator("--stations", "1") as name, closing(open_port(name, 115200)) as port:
+        ending = record(plan, port, LinePrinter(io.StringIO()), stop, {}, utc_offset_ns)
     assert not ending.failed
     assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not affected",)
     records, tally, _ = decoded(out)
-    (jump,) = [event for event in tally.events if event["event"] == "clock-jumped"]
+    (jump,) = [event for event in events(out) if event["event"] == "clock-jumped"]
     assert jump["seconds"] == pytest.approx(-3600.0)
     assert tally.utc_offset_range_ns == pytest.approx(3600e9)
     host_ns = np.concatenate([piece.host_ns[piece.kind == RECEIVED] for piece in open_archive(out).pieces()])

@@ -49,8 +49,9 @@ def test_a_faultless_capture_has_no_finding_and_every_record(tmp_path: Path) -> 
     assert part.time_s[::3] == pytest.approx(np.arange(480) / 240, abs=1e-12)
     assert part.records.station.tolist() == [1, 2, 3] * 480
     assert part.records.position_mm[:3, 0].tolist() == [210.0, 220.0, 230.0]
-    assert part.host_ns[-1] == round(479e9 / 240)
-    assert not part.flags.any()
+    assert survey.losses.all.host_ns == round(479e9 / 240)
+    assert part.usable.all()
+    assert not np.any([*part.flags.values()])
 
 
 @pytest.mark.parametrize("size", [1, 1000, 50_000])
@@ -144,7 +145,6 @@ def test_a_drifting_device_clock_is_fitted(drift: float) -> None:
     clock = fit_clock(frame, host_ns, 240.0, 1000)
     assert clock.fitted
     assert clock.period_s * 240 == pytest.approx(1 + drift, abs=2e-5)
-    assert clock.host_ns * 1e-9 == pytest.approx(5.001, abs=1e-3)
     other = fit_clock(*arrivals(60.0, 1.0), 240.0, 1000)  # another rate than the device's is not used
     assert (other.fitted, other.period_s) == (False, 1 / 240)
     assert other.measured_rate_hz == pytest.approx(120.0, rel=1e-4)

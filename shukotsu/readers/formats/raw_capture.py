@@ -15,10 +15,7 @@ from shukotsu.study.mapping import FileMapping
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.families import FAMILIES
 from shukotsu.tracker.records import StreamSettings
-from shukotsu.tracker.survey import UNUSABLE, findings, flagged_records, survey_archive
-
-_KEPT = ("device-error", "device-warning", "distorted")
-"""Flags of records that are kept as flags of poses, with the same names."""
+from shukotsu.tracker.survey import findings, flagged_records, survey_archive
 
 
 def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
@@ -47,8 +44,7 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
     tracker = FAMILIES[survey.settings.family].title
     empty = True
     for part in flagged_records(archive, survey):
-        usable = ~part.flagged(*UNUSABLE)
-        rows = np.flatnonzero(usable)[segment[part.records.station[usable]] >= 0]
+        rows = np.flatnonzero(part.usable)[segment[part.records.station[part.usable]] >= 0]
         if len(rows):
             empty, records = False, part.records.take(rows)
             yield Samples(
@@ -58,7 +54,7 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
                 part.time_s[rows],
                 np.concatenate([records.position_mm, records.quaternion], -1),
                 lambda _: str(path),
-                {name: part.flagged(name)[rows] for name in _KEPT},
+                {name: flagged[rows] for name, flagged in part.flags.items()},
                 notes,
                 losses,
                 missing_frames,
