@@ -98,15 +98,14 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
     doubts, message = verdict.doubts_of(row), translated(row["message"]).rstrip(".。")
     reasons = []
     for kind, values in doubts.items():
-        texts = {name: listed(map(word, value)) if isinstance(value, list)
-                 else word(value) if isinstance(value, str) else value
-                 for name, value in values.items()}  # fmt: skip
-        reasons.append(tr(_DOUBT_TEXTS[kind], **texts) if kind in _DOUBT_TEXTS else "")
+        if kind in _DOUBT_TEXTS:
+            texts = {name: word(value) if isinstance(value, str) else value for name, value in values.items()}
+            reasons.append(tr(_DOUBT_TEXTS[kind], **texts))
     if verdict.NOT_WORN in doubts:
-        message = ""
-    elif verdict.NOT_SOLVED in doubts:
+        return reasons
+    if verdict.NOT_SOLVED in doubts:
         message = tr("has no position: {message}", message=message)
-    return [text for text in (*reasons, message) if text]
+    return [*reasons, message] if message else reasons
 
 
 def wanted_text(layouts: Iterable[Layout], times: float = 1.0) -> str:
