@@ -275,7 +275,8 @@ def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[
     size = others["effect_size"].abs().fillna(0.0)
     most = others.assign(size=-size).sort_values(["p", "size"], kind="stable", na_position="last")
     chosen = pd.concat([rows[named], most.head(MOST_SHOWN).drop(columns="size")])
-    return chosen.astype(object).where(chosen.notna(), None).to_dict("records")
+    records: list[Any] = chosen.astype(object).where(chosen.notna(), None).to_dict("records")
+    return records
 
 
 def _title(row: Mapping[str, Any]) -> str:

@@ -26,6 +26,7 @@ from shukotsu.report.table_cells import (
     with_error,
 )
 from shukotsu.scores.agreement import times_expected
+from shukotsu.study.findings import title_of
 from shukotsu.tables.subjects import Hand, path_token
 from shukotsu.translation import N_, ngettext, tr, translated, word
 
@@ -183,9 +184,7 @@ def measured_table(name: str, rows: list[RangesOfMotionRow], *, with_recording: 
     name : the hand or the model, for the caption.
     """
     caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=name)
-    task = PageColumn(
-        tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True
-    )
+    task = PageColumn(tr("Task"), title_of, is_text=True)
     columns = (
         text_column(tr("Joint"), "joint"),
         text_column(tr("Angle"), "angle"),

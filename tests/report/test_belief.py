@@ -120,6 +120,8 @@ def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: Study
     assert "the error is 2 to 2.5 mm" in helps[0]
     assert "moment arms" in helps[0]
     assert helps[1:] == gain_lines([mends])
+    with speaking("ja"):
+        assert row["joint"] not in near_lines([row], [mends], layout)[0]
     assert "bend slowly" in near_lines([row], [{**mends, "joint_sd_after_mm": 2.1}], layout)[1]
     assert near_lines([row | {"sd_mm": 2.6}, row | {"sd_mm": 1.9}], [mends], layout) == []
 
