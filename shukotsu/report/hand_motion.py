@@ -16,6 +16,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError
+from shukotsu.hand.known_digits import root_of
 from shukotsu.hand.posing import PosedRecording, ReceiverPoint, Skeleton, digit_points
 from shukotsu.hand.rotations import matrix
 from shukotsu.report.belief import BELIEVED, belief
@@ -125,7 +126,7 @@ def hand_motion(
     Raises InputError if the receiver to which the view is fixed has none, since the hand's orientation is
     then unknown.
     """
-    base = view_base(layout)
+    base = root_of(layout)
     worn = np.asarray(poses.valid.any(axis=0))
     if not worn[poses.index(base)]:
         raise InputError(
@@ -147,11 +148,6 @@ def hand_motion(
         skeletons=tuple(skeletons),
         paper=paper,
     )
-
-
-def view_base(layout: Layout) -> str:
-    """Return the segment to whose receiver the view is fixed: the base of the first digit."""
-    return next(iter(layout.digits.values())).base
 
 
 def receiver_skeleton(hand: Skeleton, poses: Poses) -> ShownSkeleton:
@@ -237,7 +233,7 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
     """
     open_pose, best = None, (0, -np.inf)
     for poses in blocks:
-        base = poses.index(view_base(layout))
+        base = poses.index(root_of(layout))
         counts = np.where(poses.valid[:, base], poses.valid.sum(1), 0)
         rows = np.flatnonzero(counts == counts.max(initial=1))
         if len(rows):

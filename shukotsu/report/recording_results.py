@@ -9,6 +9,7 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
+from shukotsu.hand.known_digits import root_of
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import Skeleton
 from shukotsu.report.hand_motion import (
@@ -19,7 +20,6 @@ from shukotsu.report.hand_motion import (
     hand_motion,
     open_frame,
     receiver_skeleton,
-    view_base,
 )
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import paper_skeleton
@@ -158,7 +158,7 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
     step = max(1, round(1.0 / (STRETCH_HZ * seconds))) if seconds > 0 else 8
     poses = poses.take(slice(0, None, step))
     tips = poses.position_mm[:, [poses.index(digit.tip) for digit in layout.digits.values()]]
-    apart = tips - poses.position_mm[:, [poses.index(view_base(layout))]]
+    apart = tips - poses.position_mm[:, [poses.index(root_of(layout))]]
     moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
     length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
     start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0

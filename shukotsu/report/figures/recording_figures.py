@@ -19,6 +19,7 @@ from matplotlib.ticker import MultipleLocator
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
+from shukotsu.hand.known_digits import root_of
 from shukotsu.movement.cycle_curves import PERCENT
 from shukotsu.report.figures.panels import (
     FOOT_MM,
@@ -35,7 +36,6 @@ from shukotsu.report.figures.panels import (
     value_scale,
 )
 from shukotsu.report.figures.style import SMALL_PT
-from shukotsu.report.hand_motion import view_base
 from shukotsu.report.movement_results import Curve, recording_curves, why_no_curves
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
 from shukotsu.report.recording_results import ANGLE_COLUMNS, ANGLES, reader_of
@@ -142,7 +142,7 @@ def thin(x: Array, values: Array, columns: int) -> Trace | None:
 
 def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
     """Return the frames' times, s, or their numbers if there are no device times, and the axis label."""
-    base = view_base(results.layouts[recording.hand])
+    base = root_of(results.layouts[recording.hand])
     blocks = [(poses.frame, poses.time_s) for poses in pose_blocks(results.poses(recording), [base])]
     frame, time_s = map(np.concatenate, zip(*blocks, strict=True))
     if np.isfinite(time_s).all():
