@@ -26,7 +26,6 @@ def build_parser() -> argparse.ArgumentParser:
 
 def report(arguments: argparse.Namespace) -> None:
     """Read the study's results and write the page, or a page that states why it cannot be made."""
-    from shukotsu.report.movement_results import read_movement
     from shukotsu.report.study_page import render_failure, render_study
     from shukotsu.report.study_results import read_results
     from shukotsu.report.templates import speaking
@@ -37,7 +36,7 @@ def report(arguments: argparse.Namespace) -> None:
     results = read_results(study, arguments.results)
     with speaking(study.language):
         with command_line.keep_failure(arguments, record=True) as messages:
-            write_text(arguments.out, render_study(results, study, read_movement(results)))
+            write_text(arguments.out, render_study(results, study))
         for message in messages:
             write_text(arguments.out, render_failure(message))
 

@@ -11,9 +11,10 @@ from markupsafe import Markup
 from shukotsu.coach.coach import ENDED, Coach, first_reason
 from shukotsu.errors import InputError
 from shukotsu.hand.digit_chain import Rows
+from shukotsu.hand.posing import Skeleton
 from shukotsu.report.belief import belief
 from shukotsu.report.figures.panels import hand_panel, page_picture
-from shukotsu.report.hand_motion import ModelledHand, hand_motion, receiver_skeleton
+from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
 from shukotsu.report.palette import css
 from shukotsu.report.templates import ENVIRONMENT
 from shukotsu.tables.whole_files import write_text
@@ -73,8 +74,7 @@ def _draw_hand(coach: Coach, rows: Rows) -> Markup | None:
     seen = np.flatnonzero(poses.valid.sum(1) == poses.valid.sum(1).max())
     poses = poses.take(seen[-1:])
     try:
-        errors = np.full((1, len(hand.layout.digits)), np.nan)
-        skeleton = receiver_skeleton(ModelledHand(hand.layout, hand.model, 0, rows, errors), poses)
+        skeleton = receiver_skeleton(Skeleton(hand.layout, hand.model, rows, {}), poses)
         motion = hand_motion(hand.hand, hand.layout, poses, [skeleton])
     except InputError:
         return None

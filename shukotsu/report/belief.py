@@ -22,7 +22,7 @@ from shukotsu.study import verdict
 from shukotsu.study.findings import PROBLEMS
 from shukotsu.study.layout import Layout
 from shukotsu.tables.subjects import Hand
-from shukotsu.translation import N_, listed, tr, translated, word
+from shukotsu.translation import N_, tr, translated, word
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import GainsRow, JointCentresRow
@@ -98,15 +98,14 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
     doubts, message = verdict.doubts_of(row), translated(row["message"]).rstrip(".。")
     reasons = []
     for kind, values in doubts.items():
-        texts = {name: listed(map(word, value)) if isinstance(value, list)
-                 else word(value) if isinstance(value, str) else value
-                 for name, value in values.items()}  # fmt: skip
-        reasons.append(tr(_DOUBT_TEXTS[kind], **texts) if kind in _DOUBT_TEXTS else "")
+        if kind in _DOUBT_TEXTS:
+            texts = {name: word(value) if isinstance(value, str) else value for name, value in values.items()}
+            reasons.append(tr(_DOUBT_TEXTS[kind], **texts))
     if verdict.NOT_WORN in doubts:
-        message = ""
-    elif verdict.NOT_SOLVED in doubts:
+        return reasons
+    if verdict.NOT_SOLVED in doubts:
         message = tr("has no position: {message}", message=message)
-    return [text for text in (*reasons, message) if text]
+    return [*reasons, message] if message else reasons
 
 
 def wanted_text(layouts: Iterable[Layout], times: float = 1.0) -> str:
@@ -193,7 +192,7 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
             "{joints}: the error is {wanted_mm:g} to {most_mm:g} mm (1 sigma, 3-D). This is sufficient for "
             "angles, ranges of motion and comparisons of groups, but not for moment arms, which are only "
             "about 10 mm at a finger joint.",
-            joints=listed(near),
+            joints=near,
             wanted_mm=wanted_mm,
             most_mm=NEAR_TIMES * wanted_mm,
         ),
@@ -204,7 +203,7 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
             tr(
                 "To improve {joints}, record another calibration in which they bend slowly over their full "
                 "range with the palm at rest, or combine two measurements of the hand.",
-                joints=listed(others),
+                joints=others,
             )
         )
     return lines

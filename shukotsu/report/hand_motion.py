@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -16,12 +16,11 @@ import numpy as np
 
 from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError
-from shukotsu.hand.digit_chain import Rows
-from shukotsu.hand.posing import PosedRecording, ReceiverPoint, digit_points
+from shukotsu.hand.known_digits import root_of
+from shukotsu.hand.posing import PosedRecording, ReceiverPoint, Skeleton, digit_points
 from shukotsu.hand.rotations import matrix
 from shukotsu.report.belief import BELIEVED, belief
 from shukotsu.study.layout import Layout, Vector
-from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.typed_table import vector_of
 
@@ -127,7 +126,7 @@ def hand_motion(
     Raises InputError if the receiver to which the view is fixed has none, since the hand's orientation is
     then unknown.
     """
-    base = view_base(layout)
+    base = root_of(layout)
     worn = np.asarray(poses.valid.any(axis=0))
     if not worn[poses.index(base)]:
         raise InputError(
@@ -151,51 +150,32 @@ def hand_motion(
     )
 
 
-def view_base(layout: Layout) -> str:
-    """Return the segment to whose receiver the view is fixed: the base of the first digit."""
-    return next(iter(layout.digits.values())).base
-
-
-@dataclass(frozen=True)
-class ModelledHand:
-    """A hand under a model, to be posed; joints : rows of joint_centres by joint. tip_error_mm : (T, D)."""
-
-    layout: Layout
-    model: SkeletonModel
-    model_index: int
-    joints: Rows
-    tip_error_mm: Array
-
-
-def receiver_skeleton(hand: ModelledHand, poses: Poses) -> ShownSkeleton:
-    """Return a skeleton whose joints are fixed to receivers."""
+def receiver_skeleton(hand: Skeleton, poses: Poses) -> ShownSkeleton:
+    """Return a skeleton whose joints are fixed to receivers, with model_index 0 and no tip errors."""
     digits = hand.layout.digits.values()
     by_digit = [digit_points(digit, hand.layout, hand.model, hand.joints) for digit in digits]
     points = {point.name: point for of_digit in by_digit for point in of_digit}
     positions = {name: point.position_mm(poses) for name, point in points.items()}
     bones = _bones(list(points), [[point.name for point in of_digit] for of_digit in by_digit], None)
-    return replace(_skeleton(hand, positions, bones, {}), on_receivers=tuple(points.values()))
+    return _skeleton(hand, positions, bones, {}, tuple(points.values()))
 
 
-def fitted_skeleton(
-    hand: ModelledHand, worn: Mapping[str, ReceiversRow], posed: PosedRecording
-) -> ShownSkeleton:
+def fitted_skeleton(hand: Skeleton, worn: Mapping[str, ReceiversRow], posed: PosedRecording) -> ShownSkeleton:
     """Return a fitted hand with its bones as posed; each digit ends at the end of its distal bone.
 
-    worn : rows of receivers by segment. posed : the posed bones.
+    Its model_index is 0, and it has no tip errors. worn : rows of receivers by segment. posed : the bones.
     """
     layout = hand.layout
     chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
     wrist = layout.wrist.joint if layout.wrist else None
     names = dict.fromkeys([*([wrist] if wrist else []), *(name for chain in chains for name in chain)])
-    nowhere = np.full((len(hand.tip_error_mm), 3), np.nan)
+    nowhere = np.full((len(posed.position_mm), 3), np.nan)
     posed_mm = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
     positions = {name: posed_mm.get(name, nowhere) for name in names}
     sd_of_tip = {
-        f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
-        for name, digit in layout.digits.items()
+        f"{name}_tip": worn.get(digit.tip, {}).get("bone_tip_sd_mm") for name, digit in layout.digits.items()
     }
-    return _skeleton(hand, positions, _bones(list(positions), chains, wrist), sd_of_tip)
+    return _skeleton(hand, positions, _bones(list(positions), chains, wrist), sd_of_tip, None)
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
@@ -253,7 +233,7 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
     """
     open_pose, best = None, (0, -np.inf)
     for poses in blocks:
-        base = poses.index(view_base(layout))
+        base = poses.index(root_of(layout))
         counts = np.where(poses.valid[:, base], poses.valid.sum(1), 0)
         rows = np.flatnonzero(counts == counts.max(initial=1))
         if len(rows):
@@ -280,28 +260,30 @@ def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None
 
 
 def _skeleton(
-    hand: ModelledHand,
+    hand: Skeleton,
     positions: Mapping[str, Array],
     bones: tuple[BoneLine, ...],
-    sd_of_tip: Mapping[str, float],
+    sd_of_tip: Mapping[str, float | None],
+    on_receivers: tuple[ReceiverPoint, ...] | None,
 ) -> ShownSkeleton:
     points, joints = tuple(positions), hand.joints
-    sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
+    position_mm = np.stack(list(positions.values()), 1)
+    sd_mm = [sd_of_tip.get(p, joints.get(p, {}).get("sd_mm")) for p in points]
     return ShownSkeleton(
         model=hand.model.name,
-        model_index=hand.model_index,
+        model_index=0,
         points=points,
-        position_mm=np.stack(list(positions.values()), 1),
-        on_receivers=None,
-        sd_mm=np.array(sd),
+        position_mm=position_mm,
+        on_receivers=on_receivers,
+        sd_mm=np.array(sd_mm, float),  # NaN for None
         believed=tuple(belief(joints[p]) if p in joints else BELIEVED for p in points),
         bones=bones,
         axes=_axes(hand, points),
-        tip_error_mm=hand.tip_error_mm,
+        tip_error_mm=np.full((len(position_mm), len(hand.layout.digits)), np.nan),
     )
 
 
-def _axes(hand: ModelledHand, points: tuple[str, ...]) -> tuple[JointAxis, ...]:
+def _axes(hand: Skeleton, points: tuple[str, ...]) -> tuple[JointAxis, ...]:
     """Return the axis of each displayed joint that has one, in its child receiver's frame."""
     axes = []
     for joint in hand.layout.solvable:
@@ -314,7 +296,3 @@ def _axes(hand: ModelledHand, points: tuple[str, ...]) -> tuple[JointAxis, ...]:
         cut_by = side if hand.model.planes.cut and plane.frame != "none" else ""
         axes.append(JointAxis(points.index(joint.name), joint.child, (x, y, z), cut_by, plane.normal))
     return tuple(axes)
-
-
-def _number(value: float | None) -> float:
-    return np.nan if value is None else float(value)

@@ -52,20 +52,19 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
     """Return the available metrics in the order of METRICS."""
     judged = []
     for metric in METRICS:
-        rows = [
-            row for row in results.rows.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)
-        ]
+        key = metric, ALL_DIGITS
+        rows = [row for row in results.rows.model_values if (row["metric"], row["digit"]) == key]
         values: dict[str, dict[str, float]] = defaultdict(dict)
         for row in rows:
             if row["value"] is not None:
                 values[row["model"]][row["subject"]] = row["value"]
-        if not any(model in values for model in results.models):
+        if results.models.keys().isdisjoint(values):
             continue
         references = frozenset(row["model"] for row in rows if row["reference"])
         differences = [
             row
             for row in results.rows.model_differences
-            if (row["metric"], row["digit"]) == (metric, ALL_DIGITS) and row["n_compared_subjects"]
+            if (row["metric"], row["digit"]) == key and row["n_compared_subjects"]
         ]
         judged.append(JudgedModels(metric, rows[0]["held_out"], dict(values), references, differences))
     return judged
@@ -225,7 +224,9 @@ def _typical_error(results: StudyResults, model: str, rows: list[JointCentresRow
 
 def hands_counted(results: StudyResults, n: int) -> str:
     """Return the number of hands as text, or of sides of a body if a layout is not of a hand."""
-    return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
+    if all(layout.is_hand for layout in results.layouts.values()):
+        return ngettext("{n} hand", "{n} hands", n)
+    return ngettext("{n} side", "{n} sides", n)
 
 
 def numbers_texts(results: StudyResults) -> list[str]:

@@ -9,7 +9,7 @@ from collections import Counter
 from pathlib import Path
 from statistics import median
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, count_of
 from shukotsu.report.movement_results import StudyMovement
 from shukotsu.report.study_results import StudyResults
 from shukotsu.resources import VERSION
@@ -33,21 +33,16 @@ REFERENCES = (
 )
 
 
-def methods_text(results: StudyResults, movement: StudyMovement | None = None) -> list[str]:
+def methods_text(results: StudyResults, movement: StudyMovement) -> list[str]:
     """Return the paragraphs, in the past tense, including one on movement if any was measured."""
-    moved = [movement_paragraph(movement)] if movement is not None and len(movement.ranges) else []
     return [
         _describe_recordings(results),
         _describe_models(results),
         _describe_comparison(results),
-        *moved,
+        *([_describe_movement(movement)] if len(movement.ranges) else []),
         f"All computations were made with Shukotsu {VERSION}; the configuration, software versions and the "
         "SHA-256 of every input file are recorded in the study's tables.",
     ]
-
-
-def _count(n: int, name: str) -> str:
-    return f"{n} {name}" + ("" if n == 1 else "s")
 
 
 def _describe_recordings(results: StudyResults) -> str:
@@ -58,19 +53,18 @@ def _describe_recordings(results: StudyResults) -> str:
     worn = sorted({row["n_receivers"] for row in used})
     tasks = sorted(Counter(row["task"] for row in used).items())
     text = (
-        f"{_count(len(results.hands), 'hand')} of {_count(len(results.subjects), 'subject')}, "
+        f"{count_of(len(results.hands), 'hand')} of {count_of(len(results.subjects), 'subject')}, "
         + ("each counted once per session, " if results.has_sessions else "")
         + ("simulated" if results.simulated else "recorded")
         + f" with {'–'.join(map(str, worn[:1] + worn[1:][-1:])) or 'no'} receivers per hand"
         + (f" at {median(rates):.0f} Hz" if rates else "")
-        + f", gave {_count(len(used), 'recording')}"
+        + f", gave {count_of(len(used), 'recording')}"
         + (f" ({', '.join(f'{task}: {n}' for task, n in tasks)})" if tasks else "")
     )
     if lost := len(results.recordings) - len(used):
         text += f"; {lost} more could not be used"
     if results.suspect:
-        sessions = {hand: f", session {hand.session}" if hand.session else "" for hand in results.suspect}
-        hands = ", ".join(sorted(f"subject {h.subject}{at}, {h.hand} hand" for h, at in sessions.items()))
+        hands = ", ".join(sorted(f"subject {each.who.label}, {each.hand} hand" for each in results.suspect))
         text += f". Left out of all statistics because of findings in their recordings: {hands}"
     if results.simulated:
         return f"{text}. The true skeletons are known from the simulation; no person was measured."
@@ -78,7 +72,7 @@ def _describe_recordings(results: StudyResults) -> str:
     text += f". Tracker: {trackers or '[name it here]'}."
     mappings = Counter(each.source.mapping for each in results.recordings if not each.exclude)
     return text + "".join(
-        f" {_count(n, 'recording')} of another program, read as declared in {path.name}"
+        f" {count_of(n, 'recording')} of another program, read as declared in {path.name}"
         f"{_describe_mapping(path)}."
         for path, n in sorted((path, n) for path, n in mappings.items() if path)
     )
@@ -100,7 +94,7 @@ def _describe_models(results: StudyResults) -> str:
     thumb = any("thumb" in layout.digits for layout in results.layouts.values())
     text = (
         "Joint centres were estimated from the relative motion of the receivers on both sides of each joint "
-        f"[1–3] with {_count(len(results.models), 'skeleton model')}."
+        f"[1–3] with {count_of(len(results.models), 'skeleton model')}."
     )
     for name, model in results.models.items():
         described = "each joint estimated from the receivers on both sides of it"
@@ -126,9 +120,9 @@ def _describe_comparison(results: StudyResults) -> str:
     )
 
 
-def movement_paragraph(movement: StudyMovement) -> str:
+def _describe_movement(movement: StudyMovement) -> str:
     """Describe how movement was measured and compared: filters, statistics and number of subjects."""
-    subjects = _count(movement.ranges["subject"].nunique(), "subject")
+    subjects = count_of(movement.ranges["subject"].nunique(), "subject")
     text = (
         f"Movement was measured in {subjects} by joint angles under the model {movement.model}. The range of "
         "motion is the difference between the 97.5th and the 2.5th percentile of an angle. Speeds are slopes "

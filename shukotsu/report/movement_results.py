@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.movement.cycle_curves import MOST_EVENTS, PERCENT
@@ -28,7 +27,7 @@ from shukotsu.movement.study_comparison import (
     why_untested,
 )
 from shukotsu.report.belief import NOT, study_beliefs
-from shukotsu.report.study_results import StudyResults, recording_key, row_key
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import DASH, DataTable, RowBlock, number, p_text
 from shukotsu.study.study import Recording, Study, factor_levels, not_compared
 from shukotsu.tables.catalogue import (
@@ -38,6 +37,7 @@ from shukotsu.tables.catalogue import (
     MOVEMENT_RELIABILITY,
     RANGES_OF_MOTION,
 )
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Table, read_table
 from shukotsu.translation import N_, listed, ngettext, tr, translated, word
 
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 RANGE = "range_deg"
 """The quantity shown in figures; the others are in tables."""
 OF_ANGLE = ["joint", "angle"]
-SUBJECT = ["subject", "session", "hand"]
 _MOST_REASONS = 3
 
 
@@ -67,8 +66,7 @@ def recording_curves(
     results: StudyResults, recording: Recording, model: str
 ) -> dict[str, dict[str, dict[str, Curve]]]:
     """Return a recording's curves over its cycles under a model, by event, joint and angle."""
-    key = recording_key(recording)
-    rows = [row for row in results.hand_rows(CYCLE_CURVES, recording.hand, model) if row_key(row) == key]
+    rows = results.recording_rows(CYCLE_CURVES, recording, model)
     curves: dict[str, dict[str, dict[str, Curve]]] = {}
     for (event, joint, angle), group in groupby(rows, itemgetter("event", *OF_ANGLE)):
         of = list(group)
@@ -79,20 +77,19 @@ def recording_curves(
 
 def why_no_curves(results: StudyResults, recording: Recording, model: str) -> str:
     """Return a sentence that states why a recording has no curves over cycles under a model."""
-    cycles = results.hand_rows(MOVEMENT_CYCLES, recording.hand)
-    mine = [row for row in cycles if row_key(row) == recording_key(recording)]
-    if not mine:
+    cycles = results.recording_rows(MOVEMENT_CYCLES, recording)
+    if not cycles:
         return tr(
             "No event starts a cycle in this recording, so no angles are averaged over cycles; the study's "
             "events sheet lists the events that start cycles"
         )
-    if not any(row["used"] for row in mine):
-        texts = [*dict.fromkeys(row["message"] for row in mine)][:_MOST_REASONS]
+    if not any(row["used"] for row in cycles):
+        texts = [*dict.fromkeys(row["message"] for row in cycles)][:_MOST_REASONS]
         reasons = listed(map(translated, texts))
         return ngettext(
             "The only cycle of this recording cannot be used ({reasons}), so no angles are averaged",
             "None of the {n} cycles of this recording can be used ({reasons}), so no angles are averaged",
-            len(mine),
+            len(cycles),
             reasons=reasons,
         )
     return tr("{model} has no joint angle in the cycles of this recording", model=model)
@@ -139,10 +136,9 @@ class StudyMovement:
                 of_event = of_task[of_task["event"] == event]
                 for (joint, level), rows in of_event.groupby(["joint", "level"], sort=False):
                     numbers = rows.groupby("cycle_percent")["mean_deg"].agg(["mean", "std", "count"])
-                    columns = numbers.reindex(PERCENT).to_numpy(float).T
-                    of_joints.setdefault(str(joint), {})[str(level)] = Curve(
-                        columns[0], columns[1], np.nan_to_num(columns[2])
-                    )
+                    mean_deg, sd_deg, n = numbers.reindex(PERCENT).to_numpy(float).T
+                    curve = Curve(mean_deg, sd_deg, np.nan_to_num(n))
+                    of_joints.setdefault(str(joint), {})[str(level)] = curve
         return curves
 
 
@@ -170,11 +166,10 @@ def read_movement(results: StudyResults) -> StudyMovement:
         task: roles[task] == {"calibration"}
         for task in sorted(roles, key=lambda t: "calibration" not in roles[t])
     }
-    suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
 
     def counted(rows: pd.DataFrame) -> pd.DataFrame:
-        keys = zip(*(rows[name] for name in SUBJECT), strict=True)
-        return rows[np.array([key not in suspect for key in keys], bool)]
+        hands = map(Hand, rows["subject"], rows["hand"], rows["session"])
+        return rows[np.array([hand not in results.suspect for hand in hands], bool)]
 
     ranges = counted(measured)
     return StudyMovement(
@@ -191,14 +186,11 @@ def read_movement(results: StudyResults) -> StudyMovement:
 
 def movement_table(results: StudyResults, table: Table, model: str, angle: str = "") -> pd.DataFrame:
     """Return a table's rows of a model and, if given, of an angle; no rows if the study has no such table."""
-    names = [column.name for column in table.columns]
     path = results.paths.study_table(table.name)
-    if not path.is_file():
-        return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
-    rows = read_table(path, table, names).replace_schema_metadata()
+    rows = read_table(path, table) if path.is_file() else table.arrow_schema({}).empty_table()
     for column, value in (("model", model), ("angle", angle)):
         rows = rows.filter(pc.equal(rows.column(column), value)) if value else rows
-    return rows.to_pandas()
+    return rows.replace_schema_metadata().to_pandas()
 
 
 MOST_SHOWN, MOST_DRAWN = 8, 4
@@ -239,8 +231,6 @@ class ComparedFactor:
 
 def compared_factors(results: StudyResults, study: Study, movement: StudyMovement) -> list[ComparedFactor]:
     """Return the factors of the study file, in its order, each with its table and figures."""
-    if not study.factors:
-        return []
     problems = pd.DataFrame(results.rows.problems, columns=["subject", "session", "hand", "severity"])
     everything = mark_suspect(factor_levels(study), study.factors, problems)
     reasons, asked = not_compared(study), study.config["compare"]
@@ -267,8 +257,6 @@ def subject_groups(study: Study) -> dict[str, str]:
 
     Without such a factor, every level is an empty string.
     """
-    if not study.factors:
-        return dict.fromkeys(study.subjects, "")
     rows, skipped = factor_levels(study), not_compared(study)
     for factor in study.factors:
         levels = [*dict.fromkeys((row["subject"], row[factor]) for row in rows if row[factor])]
@@ -287,10 +275,8 @@ def _chosen(movement: StudyMovement, factor: str, asked: Sequence[str]) -> list[
     size = others["effect_size"].abs().fillna(0.0)
     most = others.assign(size=-size).sort_values(["p", "size"], kind="stable", na_position="last")
     chosen = pd.concat([rows[named], most.head(MOST_SHOWN).drop(columns="size")])
-    return [
-        {str(name): None if value != value else value for name, value in row.items()}
-        for row in chosen.to_dict("records")
-    ]
+    records: list[Any] = chosen.astype(object).where(chosen.notna(), None).to_dict("records")
+    return records
 
 
 def _title(row: Mapping[str, Any]) -> str:
@@ -352,9 +338,6 @@ def _drawn(
     paired = row["design"] == WITHIN
     both = by_subject.notna().all(axis=1)
     by_subject = by_subject[both if paired else ~both]
-    levels = {
-        str(level): {str(subject): float(value) for subject, value in by_subject[level].dropna().items()}
-        for level in by_subject
-    }
+    levels = {str(level): by_subject[level].dropna().to_dict() for level in by_subject}
     where = ", ".join(filter(None, (word(row["hand"]), row["task"])))
     return DrawnDifference(f"{_title(row)}; {where}", _axis(row), levels, paired)

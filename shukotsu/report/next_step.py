@@ -10,7 +10,6 @@ from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.study import verdict
 from shukotsu.study.plan_file import read_plan
-from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, word
 
 if TYPE_CHECKING:
@@ -65,30 +64,34 @@ def next_step(results: StudyResults) -> str:
         return tr("Next: correct the mistakes found in the recordings, and run again.")
     missed_mm: dict[str, float] = defaultdict(float)
     served: dict[str, dict[str, None]] = defaultdict(dict)
-    measured: dict[Hand, bool] = {}
-    for row in doubted_joints(results):
+    doubted = doubted_joints(results)
+    plans = {hand: results.paths.plan(*hand.who) for hand in map(hand_of, doubted)}
+    measured = {
+        hand
+        for hand, plan in plans.items()
+        if not plan.is_file() or read_plan(plan).sizes_mm["hand_length_mm"] is not None
+    }
+    for row in doubted:
         hand = hand_of(row)
-        if hand not in measured:
-            plan = results.paths.plan(*hand.who)
-            measured[hand] = not plan.is_file() or read_plan(plan).sizes_mm["hand_length_mm"] is not None
         wanted_mm = results.layouts[hand].wanted_mm
-        action = _action(row, verdict.doubts_of(row), measured[hand])
-        if action:
+        if action := _action(row, is_measured=hand in measured):
             missed_mm[action] += max((row["sd_mm"] or 2 * wanted_mm) - wanted_mm, 0.0)
             served[action][row["joint"]] = None
     if missed_mm:
         action = max(missed_mm, key=lambda each: missed_mm[each])
         joints = [*served[action]]
         return tr("Next: {action}; this would improve {joints}.", action=action, joints=joints)
-    hands = {hand_of(row) for row in doubted_joints(results)}
-    gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in hands]
+    gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in plans]
     best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]
     return tr("Next: {action}", action=gain_lines(best)[0]) if best else ""
 
 
-def _action(row: JointCentresRow, doubts: verdict.Doubts, is_measured: bool) -> str:
-    """Return the remedy for a joint with these doubts, or an empty string if none is known."""
-    for kind, values in doubts.items():
+def _action(row: JointCentresRow, *, is_measured: bool) -> str:
+    """Return the remedy for a joint's doubts, or an empty string if none is known.
+
+    is_measured : whether the length of its hand is.
+    """
+    for kind, values in verdict.doubts_of(row).items():
         segments: Any = values.get("segments")
         if kind in _WORN_MORE and segments:
             return tr("wear a receiver on {segments}, and record again", segments=segments)

@@ -58,14 +58,19 @@ def faults_listed(rows: Sequence[ProblemsRow]) -> list[ListedFault]:
     listed = []
     for fault in faults(rows):
         of_rows = (": ".join(filter(None, (where(seen.row), seen.what))) for seen in fault.seen)
-        places = list(dict.fromkeys(of_rows))
-        if len(places) == 1:
-            listed.append(ListedFault(places[0], fault.severity, fault.text))
-            continue
         evidence = tuple(f"{where(seen.row)}: {seen.evidence}" for seen in fault.seen if seen.evidence)
-        several = ngettext("{n} recording", "{n} recordings", len(places))
-        listed.append(ListedFault(several, fault.severity, fault.text, "; ".join(places), evidence))
+        listed.append(_listed_fault(list(dict.fromkeys(of_rows)), fault.severity, fault.text, evidence))
     return listed
+
+
+def _listed_fault(
+    places: Sequence[str], severity: str, text: str, evidence: tuple[str, ...] = ()
+) -> ListedFault:
+    """Return a fault of one or several recordings; the evidence is listed only for several."""
+    if len(places) == 1:
+        return ListedFault(places[0], severity, text)
+    several = ngettext("{n} recording", "{n} recordings", len(places))
+    return ListedFault(several, severity, text, "; ".join(places), evidence)
 
 
 _GRAVITY = ("suspect", "refused", "note")
@@ -87,15 +92,9 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
     for recording in results.recordings:
         status, message = results.status_of(recording)
         if status != "used" and not (message and message in messages):
-            unused[": ".join(filter(None, (word(status), translated(message))))].append(
-                recording.source.file_as_written
-            )
-    listed = faults_listed(rows)
-    for reason, files in unused.items():
-        several = ngettext("{n} recording", "{n} recordings", len(files))
-        file, files_text = (files[0], "") if len(files) == 1 else (several, "; ".join(files))
-        listed.append(ListedFault(file, "note", reason, files_text))
-    return listed
+            reason = ": ".join(filter(None, (word(status), translated(message))))
+            unused[reason].append(recording.source.file_as_written)
+    return faults_listed(rows) + [_listed_fault(files, "note", reason) for reason, files in unused.items()]
 
 
 def where(problem: ProblemsRow) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,18 +9,17 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
+from shukotsu.hand.known_digits import root_of
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import Skeleton
 from shukotsu.report.hand_motion import (
     MOST_FRAMES,
     HandMotion,
-    ModelledHand,
     ShownSkeleton,
     fitted_skeleton,
     hand_motion,
     open_frame,
     receiver_skeleton,
-    view_base,
 )
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import paper_skeleton
@@ -35,7 +33,8 @@ if TYPE_CHECKING:
     from shukotsu.tables.rows import JointCentresRow, JointSolutionsRow, RecordingsRow, TipErrorsRow
 
 ANGLES = ("flexion", "abduction", "rotation")
-_ANGLE_COLUMNS = [f"{angle}_{what}" for what in ("deg", "sd_deg") for angle in ANGLES]
+ANGLE_COLUMNS = [f"{angle}_{what}" for what in ("deg", "sd_deg") for angle in ANGLES]
+"""Columns of joint_angles: the angles, then their 1-sigma errors."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class RecordingResults:
     study: StudyResults
     recording: Recording
     row: RecordingsRow
-    models: tuple[ModelResults, ...]
+    models: list[ModelResults]
     left_out: dict[str, str]
     motion: HandMotion | None
     trouble: str
@@ -90,37 +89,41 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
     A model whose tables are missing, unreadable, empty or failed is left out with the reason. If the poses
     are missing or unreadable, the motion is left out with the reason.
     """
-    row = results.recording_row_of.get(recording_key(recording), {"status": "missing", "message": ""})
-    models: dict[str, ModelResults] = {}
+    row = results.recording_row_of[recording_key(recording)]
+    models: list[ModelResults] = []
     skeletons: list[ShownSkeleton] = []
     left_out: dict[str, str] = {}
     trouble, motion, poses, every = N_("no model of the study has results of this hand"), None, None, 1
-    readers = {name: _reader(results, recording, name) for name in results.models}
+    readers = [reader_of(results, recording, model) for model in results.models]
     try:
-        reader = next(iter(readers.values()))
-        every = -(-reader.n_frames // MOST_FRAMES)
-        poses = reader.poses(every)
+        every = _thinning(readers[0])
+        poses = readers[0].poses(every)
     except InputError as error:
         trouble = error.message
-    for name, reader in readers.items():
+    for reader in readers:
         try:
-            models[name] = _model_results(results, reader, poses)
+            model = _model_results(results, reader, poses)
             if poses is not None:
                 skeletons.append(_skeleton(results, reader, poses))
+            models.append(model)
         except InputError as error:
-            left_out[name] = error.message
-            models.pop(name, None)
+            left_out[reader.model.name] = error.message
     if row["status"] == "failed":
         trouble = row["message"]
     elif skeletons and poses is not None:
         paper = paper_skeleton(results.models[skeleton.model] for skeleton in skeletons)
         layout = results.layouts[recording.hand]
         try:
-            motion = hand_motion(recording.hand.hand, layout, poses, skeletons, paper, max(1, every))
+            motion = hand_motion(recording.hand.hand, layout, poses, skeletons, paper, every)
             trouble = ""
         except InputError as error:
             trouble = error.message
-    return RecordingResults(results, recording, row, tuple(models.values()), left_out, motion, trouble)
+    return RecordingResults(results, recording, row, models, left_out, motion, trouble)
+
+
+def _thinning(reader: RecordingReader) -> int:
+    """Return n for which every n-th frame of the recording makes at most MOST_FRAMES."""
+    return max(1, -(-reader.n_frames // MOST_FRAMES))
 
 
 def read_still(results: StudyResults, recording: Recording, model: str) -> HandMotion:
@@ -130,7 +133,7 @@ def read_still(results: StudyResults, recording: Recording, model: str) -> HandM
     """
     layout, path = results.layouts[recording.hand], results.poses(recording)
     name = path.relative_to(results.paths.folder).as_posix()
-    reader = _reader(results, recording, model)
+    reader = reader_of(results, recording, model)
     try:
         shown = open_frame(reader.pose_blocks(), layout)
     except InputError as error:
@@ -149,13 +152,13 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
 
     Raises InputError if the recording or the model has nothing to show.
     """
-    reader, layout = _reader(results, recording, model), results.layouts[recording.hand]
-    poses = reader.poses(-(-reader.n_frames // MOST_FRAMES))
+    reader, layout = reader_of(results, recording, model), results.layouts[recording.hand]
+    poses = reader.poses(_thinning(reader))
     seconds = np.nanmedian(np.diff(poses.time_s)) if len(poses.time_s) > 1 else np.nan
     step = max(1, round(1.0 / (STRETCH_HZ * seconds))) if seconds > 0 else 8
     poses = poses.take(slice(0, None, step))
     tips = poses.position_mm[:, [poses.index(digit.tip) for digit in layout.digits.values()]]
-    apart = tips - poses.position_mm[:, [poses.index(view_base(layout))]]
+    apart = tips - poses.position_mm[:, [poses.index(root_of(layout))]]
     moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
     length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
     start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
@@ -165,25 +168,8 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
     return replace(motion, begins_s=float(begins_s))
 
 
-def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
-    """Return functions that read each joint's angles and their errors (T, 6), deg, under a whole-hand model.
-
-    Raises InputError if the recording has none.
-    """
-    return _reader(results, recording, model).series(JOINT_ANGLES, _ANGLE_COLUMNS)
-
-
-def read_tip_errors(
-    results: StudyResults, recording: Recording, model: str
-) -> dict[str, Callable[[], Array]]:
-    """Return functions that read each digit's tip error in the replay (T, 1), mm, NaN in gaps.
-
-    Raises InputError if the recording has none.
-    """
-    return _reader(results, recording, model).series(TIPS, ["error_mm"])
-
-
-def _reader(results: StudyResults, recording: Recording, model: str) -> RecordingReader:
+def reader_of(results: StudyResults, recording: Recording, model: str) -> RecordingReader:
+    """Return the reader of a recording under one of the study's models."""
     hand = recording.hand
     return RecordingReader(
         recording,
@@ -197,22 +183,17 @@ def _reader(results: StudyResults, recording: Recording, model: str) -> Recordin
 
 
 def _model_results(results: StudyResults, reader: RecordingReader, poses: Poses | None) -> ModelResults:
-    recording, name, part = reader.recording, reader.model.name, reader.part
-    hand = recording.hand
-    joints = results.joints_of.get((hand, name), [])
+    name, part, key = reader.model.name, reader.part, recording_key(reader.recording)
+    joints = results.joints_of.get((reader.recording.hand, name), [])
     if not joints:
         read_part(reader.tables(JOINT_CENTRES.name), JOINT_CENTRES, part, ["joint"])
         raise InputError(N_("the joint_centres table has no row"))
     with reader.opened(reader.tables(JOINT_SOLUTIONS.name), JOINT_SOLUTIONS) as parts:
         solutions = parts.part(part, ["joint", "singular_values"]).to_pylist()
-    errors = [
-        row
-        for row in results.rows.tip_errors
-        if row_key(row) == recording_key(recording) and row["model"] == name
-    ]
+    errors = [row for row in results.rows.tip_errors if (row_key(row), row["model"]) == (key, name)]
     angles = None
     if reader.is_fitted and poses is not None:
-        shown = reader.numbers_at(JOINT_ANGLES, _ANGLE_COLUMNS, poses.frame)
+        shown = reader.numbers_at(JOINT_ANGLES, ANGLE_COLUMNS, poses.frame)
         angles = JointAngles(name, tuple(shown), *np.split(np.stack(list(shown.values()), 1), 2, axis=2))
     return ModelResults(name, joints, solutions, errors, angles)
 
@@ -222,9 +203,13 @@ def _skeleton(
 ) -> ShownSkeleton:
     """Return one model's skeleton in the frames of `poses`; a still picture has no tip errors."""
     key = reader.recording.hand, reader.model.name
-    layout, model = reader.layout, reader.model
-    model_index = list(results.models).index(model.name)
     joints = {row["joint"]: row for row in results.joints_of.get(key, [])}
+    hand = Skeleton(reader.layout, reader.model, joints, {})
+    if reader.is_fitted:
+        worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
+        shown = fitted_skeleton(hand, worn, reader.bones(poses, hand))
+    else:
+        shown = receiver_skeleton(hand, poses)
     errors: dict[str, Array] = {}
     if not still and reader.recording.role != "calibration":
         try:
@@ -233,10 +218,5 @@ def _skeleton(
             if not reader.is_fitted:
                 raise  # a fitted hand can be shown without a replay
     nothing = np.full((len(poses.frame), 1), np.nan)
-    replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
-    modelled = ModelledHand(layout, model, model_index, joints, replayed)
-    if reader.is_fitted:
-        bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
-        worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-        return fitted_skeleton(modelled, worn, bones)
-    return receiver_skeleton(modelled, poses)
+    replayed = np.concatenate([errors.get(digit, nothing) for digit in hand.layout.digits], 1)
+    return replace(shown, model_index=list(results.models).index(hand.model.name), tip_error_mm=replayed)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -45,7 +45,6 @@ from shukotsu.translation import N_, listed, ngettext, tr, translated, word
 if TYPE_CHECKING:
     from shukotsu.tables.rows import TipErrorsRow
 
-IN_SAMPLE = N_("○ no")
 MEANS = (
     "replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg",
     "true_tip_mean_mm",
@@ -64,18 +63,17 @@ FAR_MM = 5.0
 HALVES_WITHIN_95 = ("within_95", "parent_within_95")
 
 
-class SkeletonLabel(NamedTuple):
-    """A model with the tasks that it was made from, or a reference, which is not made from any."""
+class Scored(NamedTuple):
+    """Rows of a model made from certain tasks, or of a reference, which is not made from any."""
 
     model: str
     calibrated_on: str
     held_out: bool
     reference: bool
+    rows: list[Mapping[str, Any]]
 
 
 _OF_TRIAL = ("subject", "session", "task", "trial")
-
-Scored = tuple[SkeletonLabel, list[Mapping[str, Any]]]
 
 
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
@@ -88,13 +86,13 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
     scored = _scored(results, sorted(rows, key=lambda row: bool(row["hand"] != "right")))
     if not scored:
         return None
-    names = [name for name in MEANS if any(_is_known(name, row) for _, rows in scored for row in rows)]
+    names = [name for name in MEANS if any(_is_known(name, row) for each in scored for row in each.rows)]
     columns = (
-        PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        PageColumn(tr("Skeleton"), lambda each: each.model, is_text=True),
         PageColumn(tr("Calibrated on"), _made_from, is_text=True),
         PageColumn(
             tr("Held out"),
-            lambda each: DASH if each[0].reference else tr("yes") if each[0].held_out else tr(IN_SAMPLE),
+            lambda each: DASH if each.reference else tr("yes") if each.held_out else tr("○ no"),
             is_text=True,
         ),
         *(PageColumn(heading(name), partial(_mean_text, name)) for name in names),
@@ -112,32 +110,31 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
 def _scored(results: StudyResults, rows: Iterable[Mapping[str, Any]]) -> list[Scored]:
     """Group rows by skeleton: held-out ones, then in-sample ones, then references, in the study's order."""
     order = {name: index for index, name in enumerate(results.models)}
-    groups: dict[SkeletonLabel, list[Mapping[str, Any]]] = defaultdict(list)
+    groups: dict[tuple[str, str, bool, bool], list[Mapping[str, Any]]] = defaultdict(list)
     for row in rows:
         model = row["model"]
         reference = row.get("reference", model not in order)
-        label = SkeletonLabel(model, row["calibrated_on"], row.get("held_out", False), reference)
-        groups[label].append(row)
+        groups[model, row["calibrated_on"], row.get("held_out", False), reference].append(row)
     return sorted(
-        groups.items(),
-        key=lambda each: (each[0].reference, not each[0].held_out, order.get(each[0].model, len(order))),
+        (Scored(*skeleton, rows) for skeleton, rows in groups.items()),
+        key=lambda each: (each.reference, not each.held_out, order.get(each.model, len(order))),
     )
 
 
-def _blocks(scored: Iterable[Scored]) -> dict[str, list[Scored]]:
-    blocks: dict[str, list[Scored]] = {tr("Skeleton"): [], tr("Reference"): []}
-    for skeleton, rows in scored:
-        blocks[tr("Reference") if skeleton.reference else tr("Skeleton")].append((skeleton, rows))
-    return {heading: group for heading, group in blocks.items() if group}
+def _blocks(scored: Sequence[Scored]) -> dict[str, list[Scored]]:
+    return {
+        heading: [each for each in scored if each.reference == is_reference]
+        for heading, is_reference in ((tr("Skeleton"), False), (tr("Reference"), True))
+    }
 
 
 def _made_from(scored: Scored) -> str:
-    tasks = "" if scored[0].reference else ", ".join(scored[0].calibrated_on.split(";"))
+    tasks = "" if scored.reference else scored.calibrated_on.replace(";", ", ")
     return tasks or DASH
 
 
 def _mean_text(name: str, scored: Scored) -> str:
-    return format_value(name, mean(row[name] for row in scored[1] if _is_known(name, row)))
+    return format_value(name, mean(row[name] for row in scored.rows if _is_known(name, row)))
 
 
 def _is_known(name: str, row: Mapping[str, Any]) -> bool:
@@ -156,10 +153,11 @@ def _shortfalls(
     """Return notes on skeletons whose means include fewer digits than the task has, with the reasons."""
     total = sum(len(results.layouts[r.hand].digits) for r in trial.recordings.values())
     models_of: dict[str, dict[str, None]] = defaultdict(dict)
-    for skeleton, rows in scored:
-        counts = [sum(row[name] is not None for row in rows) for name in names]
+    for skeleton in scored:
+        counts = [sum(row[name] is not None for row in skeleton.rows) for name in names]
         fewest = min((count for count in counts if count), default=0)
-        parts = dict.fromkeys(translated(row["message"]).rstrip(".。") for row in rows if row["message"])
+        messages = filter(None, (row["message"] for row in skeleton.rows))
+        parts = dict.fromkeys(translated(message).rstrip(".。") for message in messages)
         digits = ngettext("{n} digit", "{n} digits", total)
         short = [tr("{n} of {total}", n=fewest, total=digits)] if fewest < total else []
         if short or parts:
@@ -181,9 +179,9 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         return PageColumn(title, cell)
 
     columns = (
-        PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        PageColumn(tr("Skeleton"), lambda each: each.model, is_text=True),
         PageColumn(tr("Calibrated on"), _made_from, is_text=True),
-        PageColumn(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
+        PageColumn(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each.rows)}"),
         quantile(heading("median_mm"), 0.5),
         quantile(tr("90th percentile [mm]"), 0.9),
         quantile(heading("max_mm"), 1.0),
@@ -195,7 +193,7 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         PageColumn(
             tr("Within the stated 95 % region [%]"),
             lambda each: _percent(
-                [row[half] for row in each[1] for half in HALVES_WITHIN_95 if row[half] is not None]
+                [row[half] for row in each.rows for half in HALVES_WITHIN_95 if row[half] is not None]
             ),
         ),
     )
@@ -210,7 +208,7 @@ def _percent(answers: Sequence[bool]) -> str:
 
 
 def _sizes(scored: Scored, name: str) -> list[float]:
-    return [abs(row[name]) for row in scored[1] if row[name] is not None]
+    return [abs(row[name]) for row in scored.rows if row[name] is not None]
 
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
@@ -243,27 +241,15 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
     return DataTable(caption, tuple(blocks), tuple(notes), source="tip_errors")
 
 
-@cache
-def _printed_numbers() -> dict[tuple[int, str, str], tuple[str, ...]]:
-    with PRINTED.open(encoding="utf-8", newline="") as stream:
-        return {
-            (int(row["table"]), row["hand"], row["statistic"]): tuple(row[digit] for digit in PAPER_DIGITS)
-            for row in csv.DictReader(stream, delimiter="\t")
-        }
-
-
 def printed_table(table: int) -> DataTable:
     """Return one of the paper's Tables 1 to 4 as printed, cm."""
-    blocks = (
-        RowBlock(
-            _header(hand, PAPER_DIGITS),
-            tuple(
-                (f"{tr(words)} [cm]", *_printed_numbers()[table, hand, name])
-                for name, words in STATISTICS.items()
-            ),
-        )
-        for hand in HANDS
-    )
+    with PRINTED.open(encoding="utf-8", newline="") as stream:
+        rows = [row for row in csv.DictReader(stream, delimiter="\t") if row["table"] == str(table)]
+    blocks = []
+    for hand in HANDS:
+        numbers = {row["statistic"]: [row[d] for d in PAPER_DIGITS] for row in rows if row["hand"] == hand}
+        cells = ((f"{tr(words)} [cm]", *numbers[name]) for name, words in STATISTICS.items())
+        blocks.append(RowBlock(_header(hand, PAPER_DIGITS), tuple(cells)))
     return DataTable(tr("Table {table} as printed in the paper.", table=table), tuple(blocks))
 
 

@@ -26,6 +26,7 @@ from shukotsu.report.table_cells import (
     with_error,
 )
 from shukotsu.scores.agreement import times_expected
+from shukotsu.study.findings import title_of
 from shukotsu.tables.subjects import Hand, path_token
 from shukotsu.translation import N_, ngettext, tr, translated, word
 
@@ -128,10 +129,9 @@ def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, BoneLeng
     """Return how many of a hand's lengths are believed, which is none for a suspect hand."""
     if not bones:
         return DASH
-    if hand in results.suspect:
-        return tr("{n} of {total}", n=0, total=len(bones)) + " ◆"
-    count = sum(belief(row) == BELIEVED for row in bones.values())
-    return tr("{n} of {total}", n=count, total=len(bones))
+    suspect = hand in results.suspect
+    count = 0 if suspect else sum(belief(row) == BELIEVED for row in bones.values())
+    return tr("{n} of {total}", n=count, total=len(bones)) + (" ◆" if suspect else "")
 
 
 def _length(row: BoneLengthsRow | None) -> str:
@@ -161,18 +161,8 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         rows = results.receivers_of.get((hand, model), [])
         counts = ngettext("{n} receiver", "{n} receivers", len(rows))
         summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
-        folded.append(
-            Folded(
-                summary,
-                table_of(
-                    summary,
-                    columns,
-                    rows,
-                    tr(NO_JOINT),
-                    source=f"fits/{hand.hand}/{path_token(model)}/receivers",
-                ),
-            )
-        )
+        source = f"fits/{hand.hand}/{path_token(model)}/receivers"
+        folded.append(Folded(summary, table_of(summary, columns, rows, tr(NO_JOINT), source=source)))
     return folded
 
 
@@ -188,19 +178,19 @@ def _loose(row: ReceiversRow) -> str:
     ).replace("◆  ", "◆ ")
 
 
-def measured_table(caption: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:
-    """Return a table of range, posture and speed of every joint angle, with 1-sigma errors of the ranges."""
-    task = PageColumn(
-        tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True
-    )
+def measured_table(name: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:
+    """Return a table of range, posture and speed of every joint angle, with 1-sigma errors of the ranges.
+
+    name : the hand or the model, for the caption.
+    """
+    caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=name)
+    task = PageColumn(tr("Task"), title_of, is_text=True)
     columns = (
         text_column(tr("Joint"), "joint"),
         text_column(tr("Angle"), "angle"),
         *((task,) if with_recording else ()),
         error_column(f"{tr('Range of motion')} [deg]", "range", "deg"),
-        quantity_column("low_deg"),
-        quantity_column("high_deg"),
-        quantity_column("full_range_deg"),
+        *map(quantity_column, ("low_deg", "high_deg", "full_range_deg")),
         error_column(f"{tr('Median')} [deg]", "median", "deg"),
         *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
     )

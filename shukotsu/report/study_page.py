@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import platform
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from itertools import groupby, pairwise
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -33,7 +32,7 @@ from shukotsu.report.judged_models import (
     used_text,
 )
 from shukotsu.report.methods_text import REFERENCES, methods_text
-from shukotsu.report.movement_results import StudyMovement, compared_factors, subject_groups
+from shukotsu.report.movement_results import compared_factors, read_movement, subject_groups
 from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
@@ -67,44 +66,33 @@ MOST_TRIED = 8
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
 
-class SubjectCard(NamedTuple):
-    """A subject: a link to its page, small pictures of its hands, believed joints, links to recordings."""
+def render_study(results: StudyResults, study: Study) -> str:
+    """Return the study's page as HTML; the same results give the same text.
 
-    to: Link
-    hands: tuple[Markup, ...]
-    believed: str
-    suspect: bool
-    recordings: list[Link]
-
-
-def render_study(results: StudyResults, study: Study, movement: StudyMovement | None = None) -> str:
-    """Return the study's page as HTML; the same results give the same text."""
-    panels = model_panels(results)
-    factors = compared_factors(results, study, movement) if movement else []
-    levels = subject_groups(study)
+    Raises InputError if a file is not the expected table.
+    """
+    panels, movement = model_panels(results), read_movement(results)
+    factors, levels = compared_factors(results, study, movement), subject_groups(study)
     replay = panels.pop(REPLAY, None)
-    with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
     packages = (f"{package} {metadata.version(package)}" for package in PACKAGES)
     parts: dict[str, Any] = {
         "view": _front(results),
-        "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
         "models": page_pictures(panels.values()),
         "groups": page_pictures(group_panels(factors, len(results.subjects))),
         "replay": [("", page_picture(replay))] if replay else [],
         "ranges": {
-            words: [("", page_picture(panel)) for panel in of_task]
-            for words, of_task in (range_panels(movement) if movement else {}).items()
+            task: [("", page_picture(panel)) for panel in of_task]
+            for task, of_task in range_panels(movement).items()
         },
         "curves": {
-            words: page_pictures(of_task)
-            for words, of_task in (study_panels(movement, levels) if movement else {}).items()
+            event: page_pictures(of_event) for event, of_event in study_panels(movement, levels).items()
         },
         "curve_looks": [*group_looks(dict.fromkeys(levels.values())).values()],
         "no_curves": tr(NO_CYCLES),
     }
     for message in taken_failures():  # after every picture, before the list of problems
-        results.add_problem("report", message)
+        results.add_problem(message)
     return render(
         "study.html.j2",
         tables_at="",
@@ -136,9 +124,8 @@ def render_study(results: StudyResults, study: Study, movement: StudyMovement | 
 def _front(results: StudyResults) -> View | None:
     """Return the hand in motion from the first usable recording that can be shown, or None."""
     counted = [recording for recording in results.shown if recording.hand not in results.suspect]
-    counted.sort(key=lambda recording: recording.role == "calibration")
     used = [recording for recording in counted if results.status_of(recording)[0] == "used"]
-    for recording in used[:MOST_TRIED]:
+    for recording in sorted(used, key=lambda each: each.role == "calibration")[:MOST_TRIED]:
         try:
             motion = read_stretch(results, recording, results.leading)
         except InputError:
@@ -147,16 +134,17 @@ def _front(results: StudyResults) -> View | None:
     return None
 
 
-def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
+def _card(results: StudyResults, who: SubjectSession) -> dict[str, Any]:
+    """Return a subject's card: small pictures of its hands, believed joints, links to its pages."""
     page, model, hands = results.paths.report, results.leading, results.hands_of(*who)[::-1]
     rows = [row for hand in hands for row in results.joints_of.get((hand, model), [])]
-    return SubjectCard(
-        link(who.label, page, results.paths.subject_page(*who)),
-        tuple(small_hand(results, hand, model) for hand in hands),
-        believed_text(rows),
-        any(hand in results.suspect for hand in hands),
-        recording_links(results, page, who),
-    )
+    return {
+        "to": link(who.label, page, results.paths.subject_page(*who)),
+        "hands": [small_hand(results, hand, model) for hand in hands],
+        "believed": believed_text(rows),
+        "suspect": any(hand in results.suspect for hand in hands),
+        "recordings": recording_links(results, page, who),
+    }
 
 
 def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
@@ -215,28 +203,12 @@ class JointCell:
     href: str = ""
 
 
-@dataclass(frozen=True)
-class JointRow:
-    """A hand's joints in the order of columns, None if the model lacks one, and the number believed."""
+def joint_picture(results: StudyResults) -> dict[str, Any] | None:
+    """Return the picture of all joints under the leading model, or None if no hand has a joint.
 
-    who: Link
-    hand: str
-    cells: tuple[JointCell | None, ...]
-    believed: str
-
-
-@dataclass(frozen=True)
-class JointPicture:
-    """The picture of all joints: digits with their numbers of columns, names of joints, and rows of hands."""
-
-    digits: list[tuple[str, int]]
-    joints: tuple[str, ...]
-    rows: tuple[JointRow, ...]
-    medians: tuple[JointCell | None, ...]
-
-
-def joint_picture(results: StudyResults) -> JointPicture | None:
-    """Return the picture of all joints under the leading model, or None if no hand has a joint."""
+    digits : each with its number of columns. joints : names of the columns. rows : of each hand, a cell per
+    column, None if the model lacks the joint, and the number of joints believed. medians : cells over hands.
+    """
     model, page = results.leading, results.paths.report
     of_hand = {
         hand: {row["joint"]: row for row in results.joints_of.get((hand, model), [])}
@@ -248,17 +220,23 @@ def joint_picture(results: StudyResults) -> JointPicture | None:
     rows = []
     for hand, row_of in of_hand.items():
         to = link(hand.who.label, page, results.paths.subject_page(*hand.who))
-        cells = tuple(
+        cells = [
             _cell([row_of[joint]], f"{to.href}#{joint_anchor(hand, joint)}") if joint in row_of else None
             for joint in joints
-        )
-        rows.append(JointRow(to, word(hand.hand), cells, believed_text([*row_of.values()])))
+        ]
+        believed = believed_text([*row_of.values()])
+        rows.append({"who": to, "hand": word(hand.hand), "cells": cells, "believed": believed})
     parts = [joint.rpartition("_") for joint in joints]
     digits = [(word(digit), len(list(group))) for digit, group in groupby(digit for digit, _, _ in parts)]
-    names = tuple(part.upper() if digit else word(part) for digit, _, part in parts)
+    names = [part.upper() if digit else word(part) for digit, _, part in parts]
     judged = [rows for hand, rows in of_hand.items() if hand not in results.suspect and rows]
-    medians = tuple(_cell([rows[joint] for rows in judged if joint in rows]) for joint in joints)
-    return JointPicture(digits, names, tuple(rows), medians if len(judged) > _MEDIANS_OVER else ())
+    medians = [_cell([rows[joint] for rows in judged if joint in rows]) for joint in joints]
+    return {
+        "digits": digits,
+        "joints": names,
+        "rows": rows,
+        "medians": medians if len(judged) > _MEDIANS_OVER else [],
+    }
 
 
 def believed_text(rows: Sequence[JointCentresRow]) -> str:
@@ -298,12 +276,11 @@ def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:
             position.setdefault(joint, line[-1])
             reach += bone.get("length_mm") or _USUAL_MM
         lines.append([*line, (right * reach, up * reach)])
-    dots = defaultdict(list)
-    for joint, point in position.items():
-        if joint in verdicts:
-            dots[verdicts[joint]].append(f"M{_point(point)}h0")
     paths = [("bones", "".join("M" + "L".join(map(_point, line)) for line in lines))]
-    paths += [(verdict, "".join(dots[verdict])) for verdict in VERDICTS if dots[verdict]]
+    for verdict in VERDICTS:
+        dots = [point for joint, point in position.items() if verdicts.get(joint) == verdict]
+        if dots:
+            paths.append((verdict, "".join(f"M{_point(point)}h0" for point in dots)))
     title = tr("{hand} hand of {who}, joints by verdict", hand=word(hand.hand), who=hand.who.label)
     inside = Markup("").join(Markup('<path class="{}" d="{}"/>').format(*path) for path in paths)
     across, down = zip(*(point for line in lines for point in line), strict=True)

@@ -157,11 +157,6 @@ class StudyResults(HasRecordings):
             if row["severity"] == SUSPECT or (row["severity"] == REFUSED and row["stage"] in stages)
         ]
 
-    @property
-    def of_hands(self) -> bool:
-        """Whether all layouts are of hands; otherwise a hand in the tables means a side of a body."""
-        return all(layout.is_hand for layout in self.layouts.values())
-
     @cached_property
     def accepted(self) -> list[ProblemsRow]:
         """Findings that the recordings sheet accepts with a reason."""
@@ -176,9 +171,14 @@ class StudyResults(HasRecordings):
         except InputError:
             return []
 
-    def add_problem(self, stage: str, message: str, task: str = "") -> None:
+    def recording_rows(self, table: Table, recording: Recording, model: str = "") -> list[Any]:
+        """Return a recording's rows, under a model, of a subject's short table; none if it cannot be read."""
+        key = recording_key(recording)
+        return [row for row in self.hand_rows(table, recording.hand, model) if row_key(row) == key]
+
+    def add_problem(self, message: str) -> None:
         """Add a problem that occurred while the page is made; call it before problems are listed."""
-        self.rows.problems.append(_problem(SubjectSession(""), stage, message, task=task))
+        self.rows.problems.append(_problem(SubjectSession(""), "report", message))
 
     @cached_property
     def joints_of(self) -> dict[HandModel, list[JointCentresRow]]:

@@ -110,7 +110,7 @@ def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
     If there is none, the caption states why.
     """
     name, reasons = tr("{hand} hand", hand=hand.hand.capitalize()), []
-    recordings = [each for each in results.recordings if each.hand == hand and not each.exclude]
+    recordings = [each for each in results.shown if each.hand == hand]
     for recording in sorted(recordings, key=lambda each: each.role == "calibration"):
         try:
             motion = read_still(results, recording, results.leading)
@@ -145,14 +145,13 @@ def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list
     """Return the folded tables by section: lengths, ranges, receivers, recordings."""
     hands = results.hands_of(*who)
     names = {hand: tr("{hand} hand", hand=hand.hand.capitalize()) for hand in hands}
-    ranges = []
-    for hand in hands:
-        if rows := results.hand_rows(RANGES_OF_MOTION, hand, results.leading):
-            caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=hand)
-            ranges.append(Folded(names[hand], measured_table(caption, rows, with_recording=True)))
     return {
         "lengths": [Folded(names[hand], bone_table(results, hand)) for hand in hands],
-        "ranges": ranges,
+        "ranges": [
+            Folded(names[hand], measured_table(str(hand), rows, with_recording=True))
+            for hand in hands
+            if (rows := results.hand_rows(RANGES_OF_MOTION, hand, results.leading))
+        ],
         "receivers": [folded for hand in hands for folded in receiver_tables(results, hand)],
         "recordings": [Folded(used_text(results), provenance.recordings_table(results))],
     }
@@ -199,11 +198,7 @@ def _write_failures(folder: Path, failures: Sequence[str]) -> None:
 
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
-    """Return the recording's page, or a page that states why it cannot be made."""
-    try:
-        return recording_page(read_recording(results, recording))
-    except InputError as error:
-        return failure_page(recording_title(recording), error.message)
+    return recording_page(read_recording(results, recording))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

@@ -177,18 +177,15 @@ def error_column(heading: str, name: str, unit: str, decimals: int = 1) -> PageC
 
 def text_column(heading: str, name: str) -> PageColumn:
     """Return the column of the texts `name` in the rows; sentences and the project's words are translated."""
-
-    def cell(row: Any) -> str:
-        if name in _SENTENCES:
-            return translated(row[name])
-        return word(row[name]) if name in _NAMES else str(row[name])
-
-    return PageColumn(heading, cell, is_text=True)
+    in_words = _TRANSLATIONS.get(name, str)
+    return PageColumn(heading, lambda row: in_words(row[name]), is_text=True)
 
 
-_SENTENCES = frozenset({"message", "question", "test"})
-_NAMES = frozenset({"hand", "digit", "angle", "binding", "across", "Hand"})
-"""Columns of tables that contain sentences, and columns that contain words of this project."""
+_TRANSLATIONS: Mapping[str, Callable[[str], str]] = {
+    "message": translated,
+    **dict.fromkeys(("hand", "digit", "angle", "binding"), word),
+}
+"""Translations of columns that contain sentences or words of this project."""
 
 
 def table_of(
@@ -221,7 +218,7 @@ def number(value: float | None, decimals: int = 2) -> str:
     """Return a number with a fixed number of decimals, or a dash if it is None or NaN."""
     if value is None or value != value:
         return DASH
-    return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
+    return f"{value:z.{decimals}f}"
 
 
 def with_error(value: float | None, sd: float | None, decimals: int = 2) -> str:

@@ -51,8 +51,7 @@ SCRIPT_TEXTS = {
 
 def coded(text: object) -> Markup:
     """Return escaped text, with text in backticks as code elements."""
-    escaped = escape(text)
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escaped))) if "`" in escaped else escaped
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _environment() -> jinja2.Environment:

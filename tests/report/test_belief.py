@@ -113,22 +113,15 @@ def test_the_joint_table_lists_every_joint_with_its_numbers(fitted: StudyResults
 
 def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: StudyResults) -> None:
     layout = fitted.layouts[LEFT]
-    row = {
-        **rows_where(
-            fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand", verdict="believe"
-        )[0]
-    }
-    row |= {
-        "sd_mm": 2.2,
-        "verdict": "care",
-        "reason": "uncertain",
-        "reason_values": '{"uncertain": {"wanted_mm": 2}}',
-    }
+    believed = rows_where(fitted.joints_of[LEFT, "whole-hand"], verdict="believe")
+    row = {**believed[0], "sd_mm": 2.2, **note_doubts({verdict.UNCERTAIN: {"wanted_mm": 2.0}})}
     mends = {**gain_rows()[0], "joint": row["joint"], "joint_sd_after_mm": 1.9}
     helps = near_lines([row], [mends], layout)
     assert "the error is 2 to 2.5 mm" in helps[0]
     assert "moment arms" in helps[0]
     assert helps[1:] == gain_lines([mends])
+    with speaking("ja"):
+        assert row["joint"] not in near_lines([row], [mends], layout)[0]
     assert "bend slowly" in near_lines([row], [{**mends, "joint_sd_after_mm": 2.1}], layout)[1]
     assert near_lines([row | {"sd_mm": 2.6}, row | {"sd_mm": 1.9}], [mends], layout) == []
 

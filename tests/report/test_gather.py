@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
+from simulated_poses import recorded, write_poses
 from small_study import write_plans, write_study
 
 from shukotsu.study.findings import REFUSED, Finding
@@ -14,7 +14,7 @@ from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.plan_file import read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
 from shukotsu.study.study import read_study
-from shukotsu.tables.catalogue import CLOCKS, FINDINGS, POSES, TABLES
+from shukotsu.tables.catalogue import CLOCKS, FINDINGS, TABLES
 from shukotsu.tables.parts import Part, parts_writer
 from shukotsu.tables.typed_table import (
     Provenance,
@@ -52,18 +52,15 @@ def write_findings(plan: SubjectPlan, *rows: dict[str, Any], **parameters: Any) 
 
 
 def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | None = None) -> None:
-    """Write all tables that are gathered, two rows per part, and poses without motion.
+    """Write all tables that are gathered, two rows per part, and poses of four frames.
 
     failures : the message that replaces the rows of a table's part.
     """
     for recording in plan.recordings:
         if not recording.exclude:
-            keys = {"subject": plan.who.subject, "hand": recording.hand.hand, "task": recording.task}
-            parameters = {**keys, "trial": recording.trial}
-            columns: dict[str, Any] = dict.fromkeys((c.name for c in POSES.columns), np.zeros(4))
-            columns |= {"segment": ["hand"] * 4, "frame": np.arange(4), "time_s": np.arange(4) / 240}
-            columns |= {"flags": [""] * 4, "valid": [True] * 4}
-            write_table(plan.poses(recording), POSES, columns, Provenance((), parameters))
+            poses, hand = recorded(seed=1, n_frames=4)[1], recording.hand
+            names = {"subject": hand.subject, "trial": recording.trial}
+            write_poses(plan.poses(recording), poses, hand.hand, recording.task, **names)
     write_findings(plan)
     for name in (*GATHERED_TABLES, "length_pulls"):
         for path in plan.files_of(name):

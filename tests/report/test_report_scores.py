@@ -50,10 +50,8 @@ def test_the_truth_table_summarises_joint_errors(fitted: StudyResults, fitted_pa
     coverage.
     """
     (table,) = [table for table in read_page(fitted_page).tables if table.caption.startswith(TRUTH)]
-    assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [
-        "Reference",
-        "prior-only",
-    ]
+    skeletons = ["paper-fig4", "paper-fig4", "whole-hand", "whole-hand"]
+    assert [row[0] for row in table.rows[1:]] == [*skeletons, "Reference", "prior-only"]
     for cells in (row for row in table.rows[1:] if row[0] != "Reference"):
         made_from = "" if cells[1] == "–" else cells[1]
         rows = rows_where(fitted.rows.joint_errors, model=cells[0], calibrated_on=made_from)

@@ -50,10 +50,8 @@ def test_the_headline_numbers_follow_from_the_tables(fitted: StudyResults, fitte
     rows = rows_where(fitted.rows.joint_centres, model="whole-hand")
     believed = rows_where(rows, verdict="believe")
     sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
-    errors = [
-        row["value"]
-        for row in rows_where(fitted.rows.model_values, metric="error_mm", model="whole-hand", digit="")
-    ]
+    scored = rows_where(fitted.rows.model_values, metric="error_mm", model="whole-hand", digit="")
+    errors = [row["value"] for row in scored]
     joints, error, findings = big_numbers(fitted)
     assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
     assert (error.value, error.unit) == (f"{sd_mm:.1f}", "mm")
@@ -97,13 +95,8 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
     helps.
     """
     believed = [row | {"verdict": "believe"} for row in fitted.rows.joint_centres]
-    assert (
-        care_line(fitted.with_rows(joint_centres=believed)),
-        next_step(fitted.with_rows(joint_centres=believed)),
-    ) == (
-        "",
-        "",
-    )
+    sure = fitted.with_rows(joint_centres=believed)
+    assert (care_line(sure), next_step(sure)) == ("", "")
     assert next_step(_suspect(fitted, "left")).startswith("Next: correct the mistakes found")
 
     def doubted(*joints: str, **doubts: object) -> StudyResults:
@@ -139,9 +132,8 @@ def test_without_errors_from_recordings_there_is_no_typical_error(fitted: StudyR
     fewer, error, _ = big_numbers(fitted.with_rows(joint_centres=unworn))
     assert int(fewer.unit.split()[1]) == int(joints.unit.split()[1]) - 2
     assert fewer.of.endswith("; joints without a receiver, not counted: 2")
-    shown = rows_where(unworn, model="whole-hand", reason="not-worn")
-    stated = [row for row in rows_where(unworn, model="whole-hand") if row["sd_mm"] is not None]
-    n = sum(row not in shown for row in stated)
+    worn = [row for row in rows_where(unworn, model="whole-hand") if row["reason"] != "not-worn"]
+    n = sum(row["sd_mm"] is not None for row in worn)
     assert f"the median over {n} {fewer.unit}, 1 sigma" in error.of
 
 
@@ -207,9 +199,8 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_folded(
     many = fitted.with_rows(problems=[*notes, *faults, accepted])
     page = render_study(many, fitted_study.study)
     assert "Accepted in the recordings sheet: 1" in page
-    shown, folded = (
-        page.partition('id="problems"')[2].partition("</section>")[0].split("<summary>3 more</summary>")
-    )
+    section = page.partition('id="problems"')[2].partition("</section>")[0]
+    shown, folded = section.split("<summary>3 more</summary>")
     assert shown.count("<strong>") == 3
     assert "<strong>11 recordings</strong>" in shown
     assert shown.count("write <code>rotates: transmitter-to-receiver</code> under") == 1

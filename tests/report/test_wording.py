@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -105,42 +104,18 @@ def test_untranslatable_sentences_are_marked_as_english() -> None:
     assert page == '<p title="Rain fell"><span lang="en">Rain fell & wet</span></p>'
 
 
-class _PageTexts(HTMLParser):
-    """Collects a page's texts except those marked as English, its configuration and its references."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.stack: list[tuple[str, str | None]] = []
-        self.texts: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = dict(attrs)
-        self.texts += [text for name in ("aria-label", "title", "placeholder") if (text := values.get(name))]
-        if tag not in ("meta", "link", "input", "br", "path"):
-            self.stack.append((tag, values.get("lang")))
-
-    def handle_endtag(self, tag: str) -> None:
-        while self.stack and self.stack.pop()[0] != tag:
-            pass
-
-    def handle_data(self, data: str) -> None:
-        tags = {tag for tag, _ in self.stack}
-        in_english = any(language == "en" for tag, language in self.stack if tag != "html")
-        if not in_english and not tags & {"script", "style", "pre", "ol"}:
-            self.texts.append(data)
-
-
+ENGLISH = re.compile(r'<(script|style)\b.*?</\1>|<(\w+)[^>]* lang="en".*?</\2>', re.DOTALL)
+"""Scripts, styles and elements that are marked as English."""
 NAMES = ("Modeling of Hand Skeletal Structure", "no such file", "axis is 4 deg from the plane")
 """A paper's title and parts of refusals, which stay English."""
 
 
 def _english_left(page: str) -> list[str]:
-    reader = _PageTexts()
-    reader.feed(page)
+    reader = read_page(ENGLISH.sub("", page))
+    spoken = [attributes.get(name) for _, attributes in reader.tags for name in ("aria-label", "title")]
     sentence = re.compile(r"\b[a-z]+ [a-z]+ [a-z]+ [a-z]+\b")
-    return [
-        text for text in reader.texts if sentence.search(text) and not any(name in text for name in NAMES)
-    ]
+    texts = [text for text in (*reader.text, *spoken) if text and sentence.search(text)]
+    return [text for text in texts if not any(name in text for name in NAMES)]
 
 
 @pytest.mark.slow

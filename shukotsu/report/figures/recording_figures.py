@@ -19,6 +19,7 @@ from matplotlib.ticker import MultipleLocator
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
+from shukotsu.hand.known_digits import root_of
 from shukotsu.movement.cycle_curves import PERCENT
 from shukotsu.report.figures.panels import (
     FOOT_MM,
@@ -35,15 +36,15 @@ from shukotsu.report.figures.panels import (
     value_scale,
 )
 from shukotsu.report.figures.style import SMALL_PT
-from shukotsu.report.hand_motion import view_base
 from shukotsu.report.movement_results import Curve, recording_curves, why_no_curves
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
-from shukotsu.report.recording_results import ANGLES, read_angles, read_tip_errors
+from shukotsu.report.recording_results import ANGLE_COLUMNS, ANGLES, reader_of
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import number, title
 from shukotsu.study.layout import Layout
 from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import JOINT_ANGLES, TIPS
 from shukotsu.tables.poses import pose_blocks
 from shukotsu.tables.subjects import path_token
 from shukotsu.translation import N_, tr, word
@@ -141,7 +142,7 @@ def thin(x: Array, values: Array, columns: int) -> Trace | None:
 
 def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
     """Return the frames' times, s, or their numbers if there are no device times, and the axis label."""
-    base = view_base(results.layouts[recording.hand])
+    base = root_of(results.layouts[recording.hand])
     blocks = [(poses.frame, poses.time_s) for poses in pose_blocks(results.poses(recording), [base])]
     frame, time_s = map(np.concatenate, zip(*blocks, strict=True))
     if np.isfinite(time_s).all():
@@ -171,7 +172,8 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     x, time_words = _times(results, recording)
     for model in results.models:
         with suppress(InputError):
-            for digit, read in read_tip_errors(results, recording, model).items():
+            errors = reader_of(results, recording, model).series(TIPS, ["error_mm"])
+            for digit, read in errors.items():
                 trace = thin(x, read()[:, 0], _columns_for(len(digits) * len(results.models)))
                 if trace is not None and digit in digits:
                     traces[model, digit] = trace
@@ -231,7 +233,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     """Draw joint angles over time, a panel for each joint. Raises NoDataError if the hand was not posed."""
     x, time_words = _times(results, recording)
     try:
-        read = read_angles(results, recording, model)
+        read = reader_of(results, recording, model).series(JOINT_ANGLES, ANGLE_COLUMNS)
     except InputError as error:
         raise NoDataError(f"{model}: {error}") from error
     traces = _angle_traces(x, read)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,7 +15,7 @@ from shukotsu.report.movement_results import recording_curves, why_no_curves
 from shukotsu.report.palette import MARK_PATHS
 from shukotsu.report.recording_results import ModelResults, RecordingResults
 from shukotsu.report.skeleton_tables import measured_table
-from shukotsu.report.study_results import StudyResults, recording_key, row_key, task_title
+from shukotsu.report.study_results import StudyResults, task_title
 from shukotsu.report.table_cells import (
     Folded,
     Link,
@@ -86,9 +86,8 @@ def recording_page(results: RecordingResults) -> str:
         said=translated(row["message"]) if motion is not None else "",
         trouble=translated(results.trouble),
         left_out={model: translated(reason) for model, reason in results.left_out.items()},
-        to=navigation(results.study, results.recording),
+        to=_navigation(results.study, results.recording),
         view=None if motion is None else view_of(title, motion, blocks, header),
-        every=1 if motion is None else motion.every,
         angles=angles,
         cycles=cycles,
         no_cycles="" if cycles else why_no_curves(results.study, results.recording, results.study.leading),
@@ -97,7 +96,7 @@ def recording_page(results: RecordingResults) -> str:
         marks=list(MARK_PATHS.values()),
         replayed=results.recording.role != "calibration",
         tip_errors=Folded(tr("Tip error of the replay in numbers"), tip_errors),
-        ranges=[folded for model in results.models if (folded := _ranges(results, model))],
+        ranges=_ranges(results),
         evidence=[_evidence(model) for model in results.models],
     )
 
@@ -124,12 +123,13 @@ def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str
     return pictures
 
 
-def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
-    """Return a table of the recording's rows of ranges_of_motion under a model, or None if there are none."""
-    measured = results.study.hand_rows(RANGES_OF_MOTION, results.recording.hand, model.name)
-    rows = [row for row in measured if row_key(row) == recording_key(results.recording)]
-    caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=model.name)
-    return Folded(model.name, measured_table(caption, rows, with_recording=False)) if rows else None
+def _ranges(results: RecordingResults) -> list[Folded]:
+    """Return a table of the recording's rows of ranges_of_motion for each model that has any."""
+    return [
+        Folded(model.name, measured_table(model.name, rows, with_recording=False))
+        for model in results.models
+        if (rows := results.study.recording_rows(RANGES_OF_MOTION, results.recording, model.name))
+    ]
 
 
 def _evidence(model: ModelResults) -> Folded:
@@ -166,18 +166,8 @@ def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> l
     return links
 
 
-@dataclass(frozen=True)
-class Navigation:
-    """Links of a recording's page; other_hand : None if the other hand has no page of the task."""
-
-    study: Link
-    subject: Link
-    other_hand: Link | None
-    others: tuple[Link, ...]
-
-
-def navigation(results: StudyResults, recording: Recording) -> Navigation:
-    """Return the links of a recording's page."""
+def _navigation(results: StudyResults, recording: Recording) -> dict[str, Link | list[Link] | None]:
+    """Return the page's links: study, subject, other_hand (None without a page of the task), others."""
     paths, hand = results.paths, recording.hand
     page = paths.recording_page(recording)
     other_hand = replace(hand, hand="left" if hand.hand == "right" else "right")
@@ -185,11 +175,11 @@ def navigation(results: StudyResults, recording: Recording) -> Navigation:
     same_trial = [each for each in same_task if each.trial == recording.trial]
     other = next(iter([*same_trial, *same_task]), None)
     words = tr("{hand} hand", hand=title(other_hand.hand))
-    links = recording_links(results, page, hand.who)
-    mine = link("", page, page).href
-    return Navigation(
-        study=link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
-        subject=link(tr("Subject %(name)s") % {"name": hand.who.label}, page, paths.subject_page(*hand.who)),
-        other_hand=None if other is None else link(words, page, paths.recording_page(other)),
-        others=tuple(to for to in links if to.href != mine),
-    )
+    subject = tr("Subject %(name)s") % {"name": hand.who.label}
+    links, mine = recording_links(results, page, hand.who), link("", page, page).href
+    return {
+        "study": link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
+        "subject": link(subject, page, paths.subject_page(*hand.who)),
+        "other_hand": None if other is None else link(words, page, paths.recording_page(other)),
+        "others": [to for to in links if to.href != mine],
+    }

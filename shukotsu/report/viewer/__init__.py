@@ -61,16 +61,15 @@ class NumberBlock:
 class View:
     """One moving hand as `viewer.html.j2` shows it.
 
-    title : description for screen readers. places : indices of the models in the study, which determine their
-    colours. shown : indices of the models that are shown at first. still, still_caption : picture for readers
-    without scripts, with its caption. data : the input of `viewer.js`. remark : a further remark, or empty.
-    replayed : whether any skeleton has tip errors.
+    title : description for screen readers. digits : their names in the page's language. shown : indices of
+    the motion's skeletons that are shown at first. still, still_caption : picture for readers without
+    scripts, with its caption. data : the input of `viewer.js`. remark : a further remark, or empty. replayed
+    : whether any skeleton has tip errors.
     """
 
     title: str
+    motion: HandMotion
     digits: tuple[str, ...]
-    models: tuple[str, ...]
-    places: tuple[int, ...]
     shown: tuple[int, ...]
     still: Markup
     still_caption: str
@@ -104,9 +103,8 @@ def view_of(
         )
     return View(
         title=title,
+        motion=motion,
         digits=tuple(map(word, motion.digits)),
-        models=tuple(skeleton.model for skeleton in motion.skeletons),
-        places=tuple(skeleton.model_index for skeleton in motion.skeletons),
         shown=shown,
         still=page_picture(hand_panel(title, motion, first, frame)),
         still_caption=tr("{models}, frame {frame}", models=first.model, frame=motion.frame[frame]),

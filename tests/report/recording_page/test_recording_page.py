@@ -28,8 +28,7 @@ def text_of(page: str) -> str:
 
 
 def cells(number: float | None, decimals: int) -> str:
-    text = "–" if number is None else f"{number:.{decimals}f}"
-    return "0." + "0" * decimals if text == "-0." + "0" * decimals else text
+    return "–" if number is None else f"{number:z.{decimals}f}"
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
