@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from itertools import groupby, pairwise
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -66,6 +66,16 @@ MOST_TRIED = 8
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
 
+class SubjectCard(NamedTuple):
+    """A subject: a link to its page, small pictures of its hands, believed joints, links to recordings."""
+
+    to: Link
+    hands: list[Markup]
+    believed: str
+    suspect: bool
+    recordings: list[Link]
+
+
 def render_study(results: StudyResults, study: Study) -> str:
     """Return the study's page as HTML; the same results give the same text.
 
@@ -74,10 +84,12 @@ def render_study(results: StudyResults, study: Study) -> str:
     panels, movement = model_panels(results), read_movement(results)
     factors, levels = compared_factors(results, study, movement), subject_groups(study)
     replay = panels.pop(REPLAY, None)
+    with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
     packages = (f"{package} {metadata.version(package)}" for package in PACKAGES)
     parts: dict[str, Any] = {
         "view": _front(results),
+        "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
         "models": page_pictures(panels.values()),
         "groups": page_pictures(group_panels(factors, len(results.subjects))),
         "replay": [("", page_picture(replay))] if replay else [],
@@ -134,17 +146,16 @@ def _front(results: StudyResults) -> View | None:
     return None
 
 
-def _card(results: StudyResults, who: SubjectSession) -> dict[str, Any]:
-    """Return a subject's card: small pictures of its hands, believed joints, links to its pages."""
+def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
     page, model, hands = results.paths.report, results.leading, results.hands_of(*who)[::-1]
     rows = [row for hand in hands for row in results.joints_of.get((hand, model), [])]
-    return {
-        "to": link(who.label, page, results.paths.subject_page(*who)),
-        "hands": [small_hand(results, hand, model) for hand in hands],
-        "believed": believed_text(rows),
-        "suspect": any(hand in results.suspect for hand in hands),
-        "recordings": recording_links(results, page, who),
-    }
+    return SubjectCard(
+        link(who.label, page, results.paths.subject_page(*who)),
+        [small_hand(results, hand, model) for hand in hands],
+        believed_text(rows),
+        any(hand in results.suspect for hand in hands),
+        recording_links(results, page, who),
+    )
 
 
 def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
@@ -203,12 +214,26 @@ class JointCell:
     href: str = ""
 
 
-def joint_picture(results: StudyResults) -> dict[str, Any] | None:
-    """Return the picture of all joints under the leading model, or None if no hand has a joint.
+class JointRow(NamedTuple):
+    """A hand's joints in the order of columns, None if the model lacks one, and the number believed."""
 
-    digits : each with its number of columns. joints : names of the columns. rows : of each hand, a cell per
-    column, None if the model lacks the joint, and the number of joints believed. medians : cells over hands.
-    """
+    who: Link
+    hand: str
+    cells: list[JointCell | None]
+    believed: str
+
+
+class JointPicture(NamedTuple):
+    """The picture of all joints: digits with their numbers of columns, names of joints, and rows of hands."""
+
+    digits: list[tuple[str, int]]
+    joints: list[str]
+    rows: list[JointRow]
+    medians: list[JointCell | None]
+
+
+def joint_picture(results: StudyResults) -> JointPicture | None:
+    """Return the picture of all joints under the leading model, or None if no hand has a joint."""
     model, page = results.leading, results.paths.report
     of_hand = {
         hand: {row["joint"]: row for row in results.joints_of.get((hand, model), [])}
@@ -224,19 +249,13 @@ def joint_picture(results: StudyResults) -> dict[str, Any] | None:
             _cell([row_of[joint]], f"{to.href}#{joint_anchor(hand, joint)}") if joint in row_of else None
             for joint in joints
         ]
-        believed = believed_text([*row_of.values()])
-        rows.append({"who": to, "hand": word(hand.hand), "cells": cells, "believed": believed})
+        rows.append(JointRow(to, word(hand.hand), cells, believed_text([*row_of.values()])))
     parts = [joint.rpartition("_") for joint in joints]
     digits = [(word(digit), len(list(group))) for digit, group in groupby(digit for digit, _, _ in parts)]
     names = [part.upper() if digit else word(part) for digit, _, part in parts]
     judged = [rows for hand, rows in of_hand.items() if hand not in results.suspect and rows]
     medians = [_cell([rows[joint] for rows in judged if joint in rows]) for joint in joints]
-    return {
-        "digits": digits,
-        "joints": names,
-        "rows": rows,
-        "medians": medians if len(judged) > _MEDIANS_OVER else [],
-    }
+    return JointPicture(digits, names, rows, medians if len(judged) > _MEDIANS_OVER else [])
 
 
 def believed_text(rows: Sequence[JointCentresRow]) -> str:

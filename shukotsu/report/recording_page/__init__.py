@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -166,8 +167,16 @@ def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> l
     return links
 
 
-def _navigation(results: StudyResults, recording: Recording) -> dict[str, Link | list[Link] | None]:
-    """Return the page's links: study, subject, other_hand (None without a page of the task), others."""
+class Navigation(NamedTuple):
+    """Links of a recording's page; other_hand : None if the other hand has no page of the task."""
+
+    study: Link
+    subject: Link
+    other_hand: Link | None
+    others: list[Link]
+
+
+def _navigation(results: StudyResults, recording: Recording) -> Navigation:
     paths, hand = results.paths, recording.hand
     page = paths.recording_page(recording)
     other_hand = replace(hand, hand="left" if hand.hand == "right" else "right")
@@ -177,9 +186,9 @@ def _navigation(results: StudyResults, recording: Recording) -> dict[str, Link |
     words = tr("{hand} hand", hand=title(other_hand.hand))
     subject = tr("Subject %(name)s") % {"name": hand.who.label}
     links, mine = recording_links(results, page, hand.who), link("", page, page).href
-    return {
-        "study": link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
-        "subject": link(subject, page, paths.subject_page(*hand.who)),
-        "other_hand": None if other is None else link(words, page, paths.recording_page(other)),
-        "others": [to for to in links if to.href != mine],
-    }
+    return Navigation(
+        link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
+        link(subject, page, paths.subject_page(*hand.who)),
+        None if other is None else link(words, page, paths.recording_page(other)),
+        [to for to in links if to.href != mine],
+    )
