@@ -1,5 +1,5 @@
-"""Generate parts of the guide: tables.md, configuration.md and mistakes.md from the schemas, and the diagram
-in architecture.md (Mermaid) from the rules of the demo study.
+"""Generate parts of the guide: tables.md, configuration.md and mistakes.md after their introductions from the
+schemas, and the diagram in architecture.md (Mermaid) from the rules of the demo study.
 """
 
 from __future__ import annotations
@@ -28,53 +28,29 @@ DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "architecture.md"
 ROWS = DOCS.parent / "shukotsu" / "tables" / "rows.pyi"
 START, END = "<!-- diagram: start -->", "<!-- diagram: end -->"
-NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
+NOTE = "<!-- What follows is made by `make docs` from the schemas; change those. -->"
 
 
 def pages() -> dict[str, str]:
-    """Return the pages by file name."""
+    """Return the pages by file name: what precedes NOTE in the page as it stands, then the generated part."""
+    generated = {"tables.md": tables(), "configuration.md": configuration(), "mistakes.md": mistakes()}
     return {
-        "tables.md": tables_page(),
-        "configuration.md": configuration_page(),
-        "mistakes.md": mistakes_page(),
+        name: (DOCS / name).read_text("utf-8").partition(NOTE)[0] + "\n".join([NOTE, *lines, ""])
+        for name, lines in generated.items()
     }
 
 
-def tables_page() -> str:
-    """Return the page of tables: the meaning of a row, the key and all columns; shared columns only once."""
+def tables() -> list[str]:
+    """Return the lines on columns that tables share, and on each table: its rows, key and other columns."""
     shared = {column.name: column for columns in shared_columns().values() for column in columns}
-    lines = [
-        NOTE,
-        "# Tables",
-        "",
-        "Every table is a Parquet file, with lengths in mm, times in s and angles in degrees. Quaternions",
-        "are unit and scalar first (w, x, y, z), and rotate a receiver's or bone's coordinates into the",
-        "transmitter's frame. Gaps are null, never NaN or zero. A table of another version is refused.",
-        "",
-        "Each file contains the same description, the SHA-256 of its inputs and the program's version:",
-        "",
-        "```python",
-        "import pyarrow.parquet",
-        "",
-        'table = pyarrow.parquet.read_table("results/demo/tip_errors.parquet")',
-        'table.schema.metadata[b"shukotsu"]  # a JSON object',
-        "```",
-        "",
-        "Below, **key** lists the columns that identify a row: *hand* means `subject`, `session`, `hand`;",
-        "*recording* means these and `task`, `trial`. `{x,y,z}` stands for three columns. The type is double",
-        "unless another is given; `?` means that a cell may be null.",
-        "",
-        "## Shared columns",
-        "",
-        *_rows(shared.values()),
-    ]
+    lines = ["", "## Shared columns", "", *_rows(shared.values())]
     for table in TABLES.values():
         unshared = [column for column in table.columns if column != shared.get(column.name)]
         more = [f"`{c.name}`" for c in table.columns if c not in unshared and c.name not in table.key]
         key = f" Key: {_key(table.key)}." if table.key else ""
         also = f" Also: {', '.join(more)}." if more else ""
         lines += ["", f"## {table.name}", "", f"A row: {table.row}.{key}{also}", "", *_rows(unshared)]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def row_types() -> str:
@@ -100,15 +76,9 @@ def row_types() -> str:
     return "\n".join(lines) + "\n"
 
 
-def configuration_page() -> str:
-    """Return the page of configuration files and sheets with all keys and columns."""
+def configuration() -> list[str]:
+    """Return the lines on the keys of configuration files and the columns of sheets."""
     lines = [
-        NOTE,
-        "# Configuration",
-        "",
-        "A study is a YAML file that names its sheets, its layout and its skeleton models. Every file is",
-        "checked before anything runs, and an unknown key is refused by its name. The brackets after a key",
-        "contain its type and, after a semicolon, its default value.",
         "",
         f"Layouts that come with the program: {', '.join(shipped_names('layout'))}. "
         f"Skeleton models: {', '.join(shipped_names('model'))}.",
@@ -130,48 +100,16 @@ def configuration_page() -> str:
             unless = f" unless `{cell.unless}` has a value" if cell.unless else ""
             need = f" **needed**{unless}" if cell.required else ""
             lines.append(f"- `{cell.name}`{need}: {_linked(cell.description)}")
-    return "\n".join(lines) + "\n"
+    return lines
 
 
-def mistakes_page() -> str:
-    """Return the page of mistakes: all kinds with their causes and cures."""
-    lines = [
-        NOTE,
-        "# Mistakes that are detected",
-        "",
-        "Before joints are solved, the declared properties of a recording are tested against its poses.",
-        "Every mistake on this page is corrected in turn, as a test. If a correction explains the poses",
-        "decisively better (joints close; lengths, places and motion are those of a hand), the mistake is",
-        "reported in one sentence that states what to write. `shukotsu check`, `import` and `inspect` give",
-        "the same messages ([how often they are right](mistakes-benchmark.md)). If you have a symptom but",
-        "no message, start with [what went wrong](what-went-wrong.md).",
-        "",
-        "A finding also shows how much it matters: the median gap of the joints concerned (the distance",
-        "between the joint centres computed from a joint's two receivers) before and after the correction,",
-        "and the number of centres that move by more than 2 mm on their bones. The same mistake with the",
-        "same cure in several recordings is one item in the report and on the terminal, with a list of the",
-        "recordings.",
-        "",
-        "A finding is `refused` (the recording is not used), `suspect` (it is solved and shown, but left",
-        "out of headlines and statistics) or a `note`. A reason in the column `accept` of the recordings",
-        "sheet turns suspect findings into notes. A hand with a refused or suspect recording is not used",
-        "for the fit of the person's other hand. All findings are in `problems.parquet` with `kind`,",
-        "`variant` (which of the sentences of the kind) and `values` (numbers, receivers and joints as",
-        "JSON), so that programs need not parse sentences. For layouts other than hands, swapped digits,",
-        "the wrong hand, turned receivers and small errors of the unit are not detected.",
-        "",
-    ]
+def mistakes() -> list[str]:
+    """Return the lines on all kinds of mistakes, with their causes and cures."""
+    lines: list[str] = []
     for name, kind in read_yaml(DOCS.parent / "schemas" / "mistakes.yaml", "mistakes").items():
-        lines += [
-            f"## {name}",
-            "",
-            kind["meaning"],
-            "",
-            f"- **Usual cause**: {kind['cause']}",
-            f"- **Cure**: {kind['cure']}",
-            "",
-        ]
-    return "\n".join(lines[:-1]) + "\n"
+        lines += ["", f"## {name}", "", kind["meaning"], ""]
+        lines += [f"- **Usual cause**: {kind['cause']}", f"- **Cure**: {kind['cure']}"]
+    return lines
 
 
 def _key(names: tuple[str, ...]) -> str:
@@ -329,15 +267,9 @@ def page_with_diagram(page: str) -> str:
             )
         study = Path(folder, "config", "demo.yaml")
         study.write_text(f"{study.read_text('utf-8')}\nexports: [bvh, bids]\n", "utf-8")
-        command = [
-            sys.executable,
-            "-m",
-            "snakemake",
-            "--snakefile",
-            str(DOCS.parent / "Snakefile"),
-            "--forceall",
-        ]
-        command += ["--directory", folder, "--configfile", str(study), "--cores", "1", "--filegraph"]
+        snakefile = str(DOCS.parent / "Snakefile")
+        command = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--configfile", str(study)]
+        command += ["--directory", folder, "--cores", "1", "--forceall", "--filegraph"]
         dot = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder).stdout
     return replaced_between(page, START, END, f"```mermaid\n{mermaid(read_filegraph(dot))}\n```")
 
