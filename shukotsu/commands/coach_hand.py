@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
+from shukotsu.commands import USUAL
 from shukotsu.errors import InputError, count_of
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from shukotsu.tracker.archive import Piece
     from shukotsu.tracker.conversation import StopRequest
 
-USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were corrected during it"
 SOURCES = ("port", "follow", "replay")
 READ_S, LOST_S, FIRST_S = 0.1, 5.0, 20.0
@@ -49,12 +48,6 @@ def build_parser() -> argparse.ArgumentParser:
     add("--layout", help="which receiver sits where (default: the study's, or liberty16)")
     add("recorder", nargs="*", metavar="-- OPTIONS", help="of `shukotsu record`, with --port")
     return parser
-
-
-def main(argv: list[str]) -> int:
-    """Run the command and return the exit code."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # leave the other processors to the recorder
-    return command_line.run(build_parser, argv, coach)
 
 
 def coach(arguments: argparse.Namespace) -> None:
@@ -119,7 +112,6 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     archive.parent.mkdir(parents=True, exist_ok=True)
     recorder = Recorder(archive, [f"--port={arguments.port}", *arguments.recorder])
     arguments.page = arguments.page or archive.with_suffix(".html")  # also of the recordings that follow
-    code = 0
     try:
         _run(coached, recorder, archive, arguments.page, stop)
     finally:
@@ -200,3 +192,6 @@ def _run(
         print("\n".join(coached.end()), flush=True)
         if page is not None:
             show(page)
+
+
+main = command_line.script(build_parser, coach)
