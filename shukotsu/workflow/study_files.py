@@ -64,7 +64,7 @@ class StudyFiles:
     def __init__(self, study_file: Path) -> None:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
-        self.results = results.Results.of(self.study.name)
+        self.results = results.Results(Path("results", self.study.name))
         self.options = shlex.join(["--study", self.file, "--results", self.results.folder.as_posix()])
         self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
