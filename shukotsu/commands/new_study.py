@@ -259,9 +259,7 @@ class Drafts:
     refused: dict[Path, str]
 
 
-def draft_mappings(
-    recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None] = lambda _: None
-) -> Drafts:
+def draft_mappings(recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None]) -> Drafts:
     """Draft the mappings that recordings need.
 
     Recordings share a mapping if their drafts are equal except for values that one of them leaves open.
@@ -276,8 +274,8 @@ def draft_mappings(
             return first.keys() == second.keys() and all(are_alike(first[key], second[key]) for key in first)
         return first == second or CHECK in (first, second)
 
-    groups: list[tuple[str, Any, list[Path]]] = []
-    refused = {}
+    drafts: dict[str, tuple[str, Any]] = {}  # text and content by file name
+    of, refused = {}, {}
     for count, recording in enumerate(recordings, 1):
         try:
             text = describe(recording, layout).draft
@@ -287,16 +285,12 @@ def draft_mappings(
         if not text:
             continue
         config = loaded_yaml(text, str(recording))
-        number = next((n for n, (_, other, _) in enumerate(groups) if are_alike(config, other)), len(groups))
-        if number == len(groups):
-            groups.append((text, config, []))
-        first, _, alike = groups[number]
-        alike.append(recording)
-        if text.count(CHECK) < first.count(CHECK):
-            groups[number] = text, config, alike
-    names = ["mapping.yaml", *(f"mapping-{number}.yaml" for number in range(2, len(groups) + 1))]
-    of = {each: name for name, (_, _, alike) in zip(names, groups, strict=False) for each in alike}
-    return Drafts({name: text for name, (text, _, _) in zip(names, groups, strict=False)}, of, refused)
+        new = f"mapping-{len(drafts) + 1}.yaml" if drafts else "mapping.yaml"
+        name = next((name for name, (_, other) in drafts.items() if are_alike(config, other)), new)
+        if name == new or text.count(CHECK) < drafts[name][0].count(CHECK):
+            drafts[name] = text, config
+        of[recording] = name
+    return Drafts({name: text for name, (text, _) in drafts.items()}, of, refused)
 
 
 main = command_line.script(build_parser, new_study)
