@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
 from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
@@ -181,16 +180,12 @@ _RULE = re.compile(r'<b><font point-size="18">(.*?)</font></b>')
 _FILE = re.compile(r'<font face="monospace">(.*?)</font>')
 
 
-@dataclass(frozen=True)
-class RuleGraph:
-    """Rules of a workflow. outputs : names of the files that each rule writes. edges : writer and reader."""
+def read_filegraph(dot: str) -> tuple[dict[str, list[str]], list[tuple[str, str]]]:
+    """Parse the output of `snakemake --filegraph`, without the rule `all`.
 
-    outputs: Mapping[str, Sequence[str]]
-    edges: Sequence[tuple[str, str]]
-
-
-def read_filegraph(dot: str) -> RuleGraph:
-    """Parse the output of `snakemake --filegraph`, without the rule `all`."""
+    Returns the names of the files that each rule writes, and the edges between rules, each from the writer of
+    a file to its reader.
+    """
     rules: dict[str, str] = {}
     outputs: dict[str, list[str]] = {}
     for number, label in _NODE.findall(dot):
@@ -204,7 +199,7 @@ def read_filegraph(dot: str) -> RuleGraph:
     for writer, reader in _EDGE.findall(dot):
         if rules[reader] != "all":
             read_by[rules[writer]].add(rules[reader])
-    return RuleGraph(outputs, direct_edges(read_by))
+    return outputs, direct_edges(read_by)
 
 
 def direct_edges(read_by: Mapping[str, Set[str]]) -> list[tuple[str, str]]:
@@ -232,10 +227,10 @@ def file_name(path: str) -> str:
     return name if name.startswith("sub-") else name.removesuffix(".parquet")
 
 
-def mermaid(graph: RuleGraph) -> str:
-    """Format the graph as a Mermaid flowchart, with a node for each rule that lists the files it writes."""
+def mermaid(outputs: Mapping[str, Sequence[str]], edges: Iterable[tuple[str, str]]) -> str:
+    """Format a graph of rules as a Mermaid flowchart, with a node for each rule that lists its files."""
     lines = ["flowchart TB"]
-    for rule, files in sorted(graph.outputs.items()):
+    for rule, files in sorted(outputs.items()):
         endings: dict[str, list[str]] = {}  # files that differ only in their endings share a line
         for file in files:
             stem, _, ending = file.partition(".")
@@ -245,7 +240,7 @@ def mermaid(graph: RuleGraph) -> str:
             for stem, parts in endings.items()
         ]
         lines.append(f'    {rule}["<b>{rule}</b><br/>{"<br/>".join(names)}"]')
-    lines += [f"    {writer} --> {reader}" for writer, reader in graph.edges]
+    lines += [f"    {writer} --> {reader}" for writer, reader in edges]
     return "\n".join(lines)
 
 
@@ -262,7 +257,7 @@ def page_with_diagram(page: str) -> str:
         command = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--configfile", str(study)]
         command += ["--directory", folder, "--cores", "1", "--forceall", "--filegraph"]
         dot = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder).stdout
-    return replaced_between(page, START, END, f"```mermaid\n{mermaid(read_filegraph(dot))}\n```")
+    return replaced_between(page, START, END, f"```mermaid\n{mermaid(*read_filegraph(dot))}\n```")
 
 
 if __name__ == "__main__":

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
-from program_files import program_files
+from program_files import REPOSITORY, program_files
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = (ROOT / "docs" / "what-went-wrong.md").read_text("utf-8")
+PAGE = (REPOSITORY / "docs" / "what-went-wrong.md").read_text("utf-8")
 FILLED_IN = re.compile(
     r"\d[\d.]*|'[^']*'|\.\.\.|[{}<>]|\b(?:index_distal|little_metacarpal|liberty16|arm|x_mm|frame)\b"
     r"|expected (?=a whole)"
