@@ -168,10 +168,9 @@ def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
     kind = {"vector": "vector", "column": "text or integer"}.get(reference, kind)
     if "enum" in part:
         kind = ", ".join(str(word) or "empty" for word in part["enum"])
-    default = (
-        "; **needed**" if required else f"; `{json.dumps(part['default'])}`" if "default" in part else ""
-    )
-    return f"- `{path}` ({kind}{default}): {_linked(part['description'])}"
+    default = f"; `{json.dumps(part['default'])}`" if "default" in part else ""
+    need = "; **needed**" if required else default
+    return f"- `{path}` ({kind}{need}): {_linked(part['description'])}"
 
 
 _NODE = re.compile(r"^(\d+) \[.*?label=<(.*?)</table>>\]$", re.MULTILINE | re.DOTALL)

@@ -37,7 +37,7 @@ def reads(stage: str) -> Sequence[str]:
 
 def outputs(stage: str, folder: Path) -> list[str]:
     """Return the options of a stage that name its output tables in a folder, or the folder itself."""
-    writes = names_in(stage).get("WRITES", {"out": "findings"})  # the table of check_recordings is optional
+    writes = {"out": "findings"} if stage == "check_recordings" else names_in(stage)["WRITES"]
     return [
         f"{option_of(option)}={folder / f'{tables}.parquet' if isinstance(tables, str) else folder}"
         for option, tables in writes.items()

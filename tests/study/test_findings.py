@@ -61,8 +61,7 @@ EVIDENCE: dict[str, dict[str, Any]] = {
              "least_after": -35.0, "most_after": -10.0},
 }  # fmt: skip
 
-GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
-EFFECT = {**GAPS, "effect": "closer"}
+EFFECT = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16, "effect": "closer"}
 
 KINDS = read_yaml(ROOT / "schemas" / "mistakes.yaml", "mistakes")
 
