@@ -248,9 +248,8 @@ def test_an_interrupted_command_leaves_no_file_or_traceback(tmp_path: Path, numb
     write = "from shukotsu.tables.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as half: "
     work = f"{write}half.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
-    done = run_as_command(
-        work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL)
-    )  # in case the caller ignores it
+    # the signal is not ignored, even if the caller ignores it
+    done = run_as_command(work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL))
     assert done.returncode == code
     assert done.stderr == ("error: interrupted\n" if code == 130 else f"error: ended by {number}\n")
     assert not list(tmp_path.iterdir())
