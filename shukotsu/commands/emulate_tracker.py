@@ -25,8 +25,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
     where = parser.add_mutually_exclusive_group(required=True)
     add = where.add_argument
-    link = "on a pseudo-terminal, linked to LINK"
-    add("--pty", nargs="?", const=Path(), type=Path, metavar="LINK", help=link)
+    help_text = "on a pseudo-terminal, linked to LINK"
+    add("--pty", nargs="?", const=Path(), type=Path, metavar="LINK", help=help_text)
     add("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
     add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, no port")
     add = parser.add_argument
