@@ -21,8 +21,8 @@ def main(argv: list[str] | None = None) -> int:
         if not arguments:
             build_parser().print_help()
             return command_line.EXIT_BAD_INPUT
-        module = importlib.import_module(COMMANDS[build_parser().parse_args(arguments[:1]).command].module)
-        return int(module.main(arguments[1:]))
+        name = COMMANDS[build_parser().parse_args(arguments[:1]).command].module
+        return int(importlib.import_module(f"shukotsu.commands.{name}").main(arguments[1:]))
 
     status = command_line.run_command(command)
     command_line.block_ending(argv is None)  # the work is done; let Python exit undisturbed

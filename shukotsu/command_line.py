@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from shukotsu.errors import INTERNAL, InputError, TableError, on_one_line
 from shukotsu.tables.limits import FILE_NAME_BYTES
@@ -46,13 +46,8 @@ class Ended(SystemExit):
         self.sentence = "; ".join(filter(None, (how, then)))
 
 
-def parser(
-    program: str, description: str, example: str, *, records_failure: bool | None = None
-) -> argparse.ArgumentParser:
-    """Return a parser with a description and an example.
-
-    records_failure : whether it has the option --record-failure; by default all stages have it.
-    """
+def parser(program: str, description: str, example: str) -> argparse.ArgumentParser:
+    """Return a parser with a description and an example."""
     built = argparse.ArgumentParser(
         prog=program,
         description=description,
@@ -62,12 +57,6 @@ def parser(
     )
     built.register("type", Path, _path)
     built.set_defaults(stage=program.removeprefix("shukotsu stage "))
-    if program.startswith("shukotsu stage ") if records_failure is None else records_failure:
-        built.add_argument(
-            "--record-failure",
-            action="store_true",
-            help="on bad input write the reason into the output tables and end with 0: a study continues",
-        )
     return built
 
 
@@ -83,7 +72,7 @@ def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequ
 def study_parser(stage: str, description: str) -> argparse.ArgumentParser:
     """Return the parser of a stage that works on a whole study and writes into its results folder."""
     example = f"shukotsu stage {stage} --study config/demo.yaml --results results/demo"
-    built = parser(f"shukotsu stage {stage}", description, example, records_failure=False)
+    built = parser(f"shukotsu stage {stage}", description, example)
     add_study_options(built)
     return built
 
@@ -107,24 +96,22 @@ def _path(text: str) -> Path:
     return Path(text)
 
 
-def run(
+def script(
     build_parser: Callable[[], argparse.ArgumentParser],
-    argv: Sequence[str] | None,
     work: Callable[[argparse.Namespace], int | None],
     record_failure: Callable[[argparse.Namespace, str], None] | None = None,
     record_bug: Callable[[argparse.Namespace, str], None] | None = None,
-) -> int:
-    """Parse the arguments, do the work and return the exit code.
+) -> Callable[..., int]:
+    """Return the `main` function of a stage or command, which returns the exit code.
 
-    With --record-failure an error is written to the outputs instead of ending with 2, so that the study's
-    other subjects continue.
+    It takes the arguments, by default those of this process, parses them and does the work. If it can write
+    an error to the outputs, it has the option --record-failure, which does so instead of ending with 2, so
+    that the study's other subjects continue.
 
     Parameters
     ----------
     build_parser
         Function that returns the parser.
-    argv
-        The arguments; None for those of this process.
     work
         Function that is called with the parsed arguments and may return an exit code.
     record_failure
@@ -134,10 +121,16 @@ def run(
 
     """
 
-    def command() -> int | None:
+    def command(argv: Sequence[str] | None) -> int | None:
         status = None
-        arguments = build_parser().parse_args(argv)
-        record = record_failure or record_bug
+        parser, record = build_parser(), record_failure or record_bug
+        if record is not None:
+            parser.add_argument(
+                "--record-failure",
+                action="store_true",
+                help="on bad input write the reason into the output tables and end with 0: a study continues",
+            )
+        arguments = parser.parse_args(argv)
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
         is_recorded = record is not None and arguments.record_failure
@@ -147,17 +140,7 @@ def run(
             record(arguments, messages[0])
         return status
 
-    return run_command(command)
-
-
-def script(
-    build_parser: Callable[[], argparse.ArgumentParser],
-    work: Callable[[argparse.Namespace], int | None],
-    record_failure: Callable[[argparse.Namespace, str], None] | None = None,
-    record_bug: Callable[[argparse.Namespace, str], None] | None = None,
-) -> Callable[..., int]:
-    """Return the `main` function of a stage or command, which calls `run` with its arguments."""
-    return lambda argv=None: run(build_parser, argv, work, record_failure, record_bug)
+    return lambda argv=None: run_command(lambda: command(argv))
 
 
 def run_command(command: Callable[[], int | None]) -> int:
@@ -226,42 +209,42 @@ def _nowhere() -> TextIO:
     return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
 
 
+def _values(arguments: argparse.Namespace) -> Iterator[tuple[str, Any]]:
+    """Yield the name of each argument with each of its values."""
+    for name, value in vars(arguments).items():
+        for each in value if isinstance(value, list | tuple) else [value]:
+            yield name, each
+
+
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:
     """Raise InputError if an argument is not UTF-8 text, as tables and captures require, or no valid path."""
-    for name, value in vars(arguments).items():
-        option = option_of(name)
-        for each in value if isinstance(value, list | tuple) else [value]:
-            text = str(each)
-            if name in ("subject", "task") and not text.strip():
-                raise InputError(f"{option}: is empty; expected a name")
-            if any("\ud800" <= letter <= "\udfff" for letter in text):
-                raise InputError(f"{option}: {text}: is not UTF-8 text; write it in UTF-8")
-            if not isinstance(each, Path):
-                continue
-            longest = max((len(part.encode()) for part in each.parts), default=0)
-            if "\0" in text or longest > FILE_NAME_BYTES:
-                raise InputError(f"{option}: {text}: no file can have this name; give a shorter, plain one")
+    for name, value in _values(arguments):
+        option, text = option_of(name), str(value)
+        if name in ("subject", "task") and not text.strip():
+            raise InputError(f"{option}: is empty; expected a name")
+        if any("\ud800" <= letter <= "\udfff" for letter in text):
+            raise InputError(f"{option}: {text}: is not UTF-8 text; write it in UTF-8")
+        if not isinstance(value, Path):
+            continue
+        longest = max((len(part.encode()) for part in value.parts), default=0)
+        if "\0" in text or longest > FILE_NAME_BYTES:
+            raise InputError(f"{option}: {text}: no file can have this name; give a shorter, plain one")
 
 
 def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
     """Raise InputError if an output is also an input, which would be lost, or if two outputs are one file."""
-    named = [
-        (name, path)
-        for name, value in vars(arguments).items()
-        for path in (value if isinstance(value, list | tuple) else [value])
-        if isinstance(path, Path)
-    ]
-    for at, (name, path) in enumerate(named):
+    paths = [(name, path) for name, path in _values(arguments) if isinstance(path, Path)]
+    inputs = [path for name, path in paths if not name.startswith("out")]
+    outputs: list[Path] = []
+    for name, path in paths:
         if not name.startswith("out"):
             continue
-        option = option_of(name)
-        for other, read in named:
-            if not other.startswith("out") and _same_file(path, read):
-                raise InputError(
-                    f"{option}: {path}: is also an input, which would be overwritten; give another name"
-                )
-        if any(other.startswith("out") and _same_file(path, former) for other, former in named[:at]):
-            raise InputError(f"{option}: {path}: is also the file of another output; give a different name")
+        output = f"{option_of(name)}: {path}"
+        if any(_same_file(path, read) for read in inputs):
+            raise InputError(f"{output}: is also an input, which would be overwritten; give another name")
+        if any(_same_file(path, former) for former in outputs):
+            raise InputError(f"{output}: is also the file of another output; give a different name")
+        outputs.append(path)
 
 
 def _same_file(first: Path, second: Path) -> bool:

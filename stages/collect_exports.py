@@ -18,7 +18,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage collect_exports",
         "Link all files in several folders and their subfolders into one folder.",
         "shukotsu stage collect_exports --folders results/demo/sub-*/exports --out results/demo/exports",
-        records_failure=False,
     )
     parser.add_argument("--folders", type=Path, nargs="*", required=True, help="folders with exports")
     parser.add_argument("--out", type=Path, required=True, help="the folder to link them into")

@@ -15,7 +15,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage export_tables",
         "Write tables as CSV with descriptions of their columns: a Frictionless data package, for R etc.",
         "shukotsu stage export_tables --tables results/demo/*.parquet --study demo --out tidy",
-        records_failure=False,
     )
     parser.add_argument("--tables", type=Path, nargs="+", required=True, help="tables of the study")
     parser.add_argument("--study", default="study", help="the study's name (default: study)")

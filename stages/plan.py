@@ -16,7 +16,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Write all that the stages need to know of the study about one subject, with all settings resolved.",
         "shukotsu stage plan --study config/demo.yaml --subject 01 --results results/demo "
         "--out results/demo/sub-01/plan.json",
-        records_failure=False,
     )
     command_line.add_study_options(parser)
     parser.add_argument("--subject", required=True, help="the subject, as in the recordings sheet")

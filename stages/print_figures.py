@@ -43,10 +43,10 @@ def draw(arguments: argparse.Namespace) -> None:
 
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)
-    folder = arguments.out
+    folder, language = arguments.out, print_language(study.language)
     if note := font_note(study.language):
         print(f"note: {note}", file=sys.stderr)
-    with speaking(print_language(study.language)):
+    with speaking(language):
         if arguments.recording:
             recording = recording_figures.find_recording(results, *arguments.recording)
             folder = folder / recording.hand.folder / recording.name
@@ -56,11 +56,7 @@ def draw(arguments: argparse.Namespace) -> None:
         for drawing in drawings:
             save(folder, drawing)
             if drawing.missing:
-                why = (
-                    drawing.missing
-                    if print_language(study.language) == ENGLISH
-                    else "not drawn; the caption states why"
-                )
+                why = drawing.missing if language == ENGLISH else "not drawn; the caption states why"
                 print(f"{folder / drawing.name}: {why}", file=sys.stderr)
 
 

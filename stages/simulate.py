@@ -20,7 +20,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Simulate a hand recorded with 16 receivers at 240 Hz, and write the exact truth beside it.",
         "shukotsu stage simulate --subject 01 --hand right --task opposition --seed 7 "
         "--anatomy ct --out sub-01_hand-right_task-opposition.parquet",
-        records_failure=False,
     )
     parser.add_argument("--subject", required=True, help="any name; it and the seed determine the person")
     parser.add_argument("--session", default="", help="any name; receivers are put on anew in each session")
@@ -30,12 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
     parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
     parser.add_argument("--frames", type=int, help="number of frames (default: opposition 3774, rom 7200)")
-    add_realism_options(parser)
-    return parser
-
-
-def add_realism_options(parser: argparse.ArgumentParser) -> None:
-    """Add an option for each real-world effect; --realism sets those that are not given."""
+    # an option for each real-world effect; --realism sets those that are not given
     group = parser.add_argument_group("realism")
     group.add_argument(
         "--realism",
@@ -58,6 +52,7 @@ def add_realism_options(parser: argparse.ArgumentParser) -> None:
         group.add_argument(
             f"--{name}", type=_scale, help=f"{what}, relative to what is usual (default: {usual}; exact: 0)"
         )
+    return parser
 
 
 def _scale(text: str) -> float:

@@ -15,7 +15,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage stream",
         "Write the raw capture of a tracker that plays a recording, each segment on its receiver's station.",
         "shukotsu stage stream --recording rom.parquet --layout liberty16 --out rom.arrows",
-        records_failure=False,
     )
     parser.add_argument("--recording", type=Path, required=True, help="in any format that needs no mapping")
     parser.add_argument("--layout", default="liberty16", help="a layout that ships, or a path")

@@ -4,7 +4,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -40,19 +40,6 @@ LONGEST = {"studies", "end_to_end", "test_loose_receivers.py", "test_package.py"
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the longest files first, so that no parallel worker starts one of them at the end."""
     items.sort(key=lambda item: LONGEST.isdisjoint(item.path.parts))
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(
-    call: pytest.CallInfo[None],
-) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Print, for a failing example, the line that would preserve it in the test."""
-    report = yield
-    for note in getattr(call.excinfo and call.excinfo.value, "__notes__", ()):
-        if note.startswith("Failing test case: ") and "data(...)" not in note:
-            example = " ".join(note[note.index("(") :].split())
-            report.sections.append(("to keep this example, add above its test", f"@example{example}"))
-    return report
 
 
 @pytest.fixture(scope="session")

@@ -65,18 +65,12 @@ def curves(rows: Iterable[Row], models: Sequence[str] = MODELS) -> list[Row]:
     drawn = []
     for n, (row, joint, model) in enumerate(product(rows, JOINTS, models)):
         keys = {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
+        keys |= {"model": model, "event": "tap", "joint": joint, "angle": "flexion"}
         for percent in range(101):
             angle = 30.0 + n % 7 + (20.0 if row["group"] == "A" else 10.0) * np.sin(np.pi * percent / 100)
             missing = row["subject"] == "P00" and percent < 20
             numbers = {"mean_deg": None if missing else angle, "n_cycles": 0 if missing else 5}
-            of = {
-                "model": model,
-                "event": "tap",
-                "joint": joint,
-                "angle": "flexion",
-                "cycle_percent": percent,
-            }
-            drawn.append(keys | of | numbers)
+            drawn.append(keys | {"cycle_percent": percent} | numbers)
     return drawn
 
 

@@ -49,10 +49,8 @@ def moving_fingers(
     receivers = Poses(
         ("hand", "index_proximal"), frame, time_s, position[:, [0, 2]] + 5.0, turn[:, [0, 2]], valid
     )
-    unknown, origin = (
-        np.full((len(JOINTS), 4), np.nan),
-        Origin(RecordingName("01", "right", "wave"), "made", "made"),
-    )
+    unknown = np.full((len(JOINTS), 4), np.nan)
+    origin = Origin(RecordingName("01", "right", "wave"), "made", "made")
     bones = JOINTS, position, continuous(turn), receivers, OFFSETS, unknown[:, :3]
     return PosedRecording(*bones, rest=rest, neutral=unknown, origin=origin, rate_hz=rate_hz)
 

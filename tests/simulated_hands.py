@@ -108,23 +108,18 @@ def simulated_hands(
         truth = simulated.truth
         bones = np.concatenate([truth.bone_position_mm, truth.bone_quaternion], -1)
         tips_mm = np.concatenate([truth.tip_mm, truth.skin_tip_mm], -1)
+        of_recording = {"task": "opposition", "trial": "", "frame": simulated.frame, "flags": ""}
         for table, key, names, columns, values in (
             (BONE_POSES, "segment", BONES, NUMBERS, bones),
             (POSED_TIPS, "digit", DIGITS, TIPS, tips_mm),
         ):
             with parts_writer(hand.path(FITTED, table), table, Provenance()) as writer:
+                nullable = [column.name for column in table.columns if column.nullable]
+                unknown = dict.fromkeys(nullable, np.full(n_frames, np.nan))
                 for index, name in enumerate(names):
-                    unknown = np.full(n_frames, np.nan)
-                    frames = {column.name: unknown for column in table.columns if column.nullable}
-                    frames |= {
-                        "task": "opposition",
-                        "trial": "",
-                        key: name,
-                        "frame": simulated.frame,
-                        "flags": "",
-                    }
                     numbers = dict(zip(columns, values[:, index].T, strict=True))
-                    writer.columns(plan.part(simulated.hand, FITTED), frames | numbers)
+                    frames = unknown | of_recording | {key: name} | numbers
+                    writer.columns(plan.part(simulated.hand, FITTED), frames)
     for table in (JOINT_CENTRES, BONE_LENGTHS, METACARPALS):
         with parts_writer(plan.table(table.name), table, Provenance()) as writer:
             for simulated in drawn:

@@ -33,7 +33,7 @@ from shukotsu.tables.whole_files import write_text
 
 STAGES = ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
 """The stages from poses to tip errors, in order."""
-HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude\taccept"
+HEADER = "subject hand task role file trial layout exclude accept"
 SHEETS = {
     "measurements": "subject\thand\tquantity\tvalue_mm\tsd_mm",
     "touches": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm\tmeets",
@@ -50,17 +50,23 @@ Row = dict[str, Any]
 
 
 def write_study(
-    folder: Path, *rows: str, models: Sequence[str] = ("rigid", "paper-fig4"), more: str = "", **sheets: str
+    folder: Path,
+    *rows: str,
+    header: str = HEADER,
+    models: Sequence[str] = ("rigid", "paper-fig4"),
+    more: str = "",
+    **sheets: str,
 ) -> Path:
     """Write a study file with recordings given as rows of cells separated by blanks ('-' is an empty cell).
 
-    sheets : texts of participants, corrections, measurements and touches, with blanks for tabs. more :
+    header : columns of these rows. sheets : texts of the other sheets. Both have blanks for tabs. more :
     further lines of the study file.
     """
     sheet_folder = folder / "sheets"
     sheet_folder.mkdir(parents=True, exist_ok=True)
     lines = ["\t".join("" if cell == "-" else cell for cell in row.split(" ")) for row in rows]
-    (sheet_folder / "recordings.tsv").write_text("\n".join([HEADER, *lines]), "utf-8")
+    text = "\n".join([header.replace(" ", "\t"), *lines])
+    (sheet_folder / "recordings.tsv").write_text(text, "utf-8")
     for name, text in sheets.items():
         (sheet_folder / f"{name}.tsv").write_text(text.replace(" ", "\t"), "utf-8")
         more += f"{name}: sheets/{name}.tsv\n"

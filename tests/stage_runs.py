@@ -6,6 +6,7 @@ import runpy
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from shukotsu import command_line
 from shukotsu.command_line import option_of
@@ -13,18 +14,6 @@ from shukotsu.commands.run_stage import STAGES
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.plan_file import read_plan
 from shukotsu.study.results import FIT_TABLES
-
-WRITES = {
-    "check_recordings": {"out": "findings"},
-    "align_events": {"out": "events", "out-clocks": "clocks"},
-    "solve_joints": {"out": "joint_solutions"},
-    "project_planes": {"out": "projected_joints"},
-    "estimate_metacarpals": {"out-joints": "joint_centres", "out-bones": "bone_lengths"}
-    | {"out": "metacarpals"},
-    "evaluate_tips": {"out": "tips", "out-errors": "tip_errors"},
-    "evaluate_skeletons": {"out": "skeleton_scores", "out-joints": "joint_errors"},
-}
-"""Tables that a stage writes, by its options."""
 
 
 def __getattr__(name: str) -> Callable[[Sequence[str]], int]:
@@ -36,17 +25,23 @@ def __getattr__(name: str) -> Callable[[Sequence[str]], int]:
 
 
 @cache
+def names_in(stage: str) -> dict[str, Any]:
+    """Return the names that a stage's script defines."""
+    return runpy.run_path(str(STAGES / f"{stage}.py"))
+
+
 def reads(stage: str) -> Sequence[str]:
     """Return the subject's tables for which a stage has options."""
-    parser = runpy.run_path(str(STAGES / f"{stage}.py"))["build_parser"]()
-    return parser.get_default("tables") or ()
+    return names_in(stage)["build_parser"]().get_default("tables") or ()
 
 
 def outputs(stage: str, folder: Path) -> list[str]:
     """Return the options of a stage that name its output tables in a folder, or the folder itself."""
-    if stage not in WRITES:
-        return [f"--out={folder}"]
-    return [f"--{option}={folder / table}.parquet" for option, table in WRITES[stage].items()]
+    writes = {"out": "findings"} if stage == "check_recordings" else names_in(stage)["WRITES"]
+    return [
+        f"{option_of(option)}={folder / f'{tables}.parquet' if isinstance(tables, str) else folder}"
+        for option, tables in writes.items()
+    ]
 
 
 def of_plan(stage: str, plan_file: Path) -> list[str]:

@@ -16,6 +16,7 @@ from guide_pages import REPOSITORY, anchors, blocks
 from program_files import printed_by
 from simulated_hands import FITTED, SimulatedHand, simulated_hand
 from simulated_poses import write_poses
+from small_study import write_study
 from studies.running import copy_of_the_program
 
 from shukotsu.simulate.realism import Realism
@@ -105,10 +106,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, hand: SimulatedHand) -> Pat
     (folder / "rom.ssv").write_text("\n".join(["frame;time_s;segment;x_mm;y_mm;z_mm;qw;qx;qy;qz", *rows, ""]))
     text = "format: semicolons\nposition_unit: mm\nreceivers: {hand: {value: 1}}\n"
     (folder / "mapping.yaml").write_text(text, "utf-8")
-    rows = "subject\thand\ttask\trole\tfile\tformat\n01\tright\trom\tboth\trom.ssv\tsemicolons\n"
-    (folder / "recordings.tsv").write_text(rows, "utf-8")
-    text = "study: mine\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [mine]\nexports: [frames]\n"
-    (folder / "study.yaml").write_text(text, "utf-8")
+    row, header = "01 right rom both rom.ssv semicolons", "subject hand task role file format"
+    write_study(folder, row, header=header, models=["mine"], more="exports: [frames]\n")
     commands = (
         "stage solve_joints --poses poses.parquet --layout liberty16 --model mine --out joints.parquet",
         "stage check_recordings --poses metres.parquet --layout liberty16 --out findings.parquet",

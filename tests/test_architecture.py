@@ -65,14 +65,10 @@ def imports_of(path: Path) -> list[tuple[str, bool]]:
             names, at_once = [str(node.value).partition(":")[0]], False
         imports += [(name, at_once) for name in names if name in modules()]
         inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-        children = node.orelse if is_for_types(node) else ast.iter_child_nodes(node)
+        is_for_types = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        children = node.orelse if is_for_types else ast.iter_child_nodes(node)
         nodes += [(child, at_once and not inside) for child in children]
     return imports
-
-
-def is_for_types(node: ast.AST) -> bool:
-    """Return whether a statement's body is for the type checker only."""
-    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
 
 
 def room(module: str) -> str:

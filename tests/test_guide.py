@@ -18,7 +18,6 @@ import pytest
 import yaml
 from babel.messages.pofile import read_po
 from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
-from program_files import printed_by
 
 from shukotsu.study.config_files import json_schema
 from shukotsu.study.layout import read_layout
@@ -173,26 +172,3 @@ def test_words_quoted_in_the_guide_are_in_the_report(page: str, words: str) -> N
     assert message is not None, f"the report nowhere says “{words}”"
     twin = REPOSITORY / "docs" / page.replace(".md", ".ja.md")
     assert not twin.exists() or f"「{message.string}」" in twin.read_text("utf-8")
-
-
-STAGES = sorted(path.stem for path in (REPOSITORY / "stages").glob("*.py"))
-LIGHT_HELP = """
-import runpy, sys
-sys.argv = ["stage", "--help"]
-try:
-    runpy.run_path("stages/{}.py", run_name="__main__")
-except SystemExit as ended:
-    heavy = {{"numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "matplotlib"}}
-    heavy &= set(sys.modules)
-    sys.exit(f"imported {{heavy}}" if heavy else ended.code)
-"""
-
-
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_stages_help_is_fast_and_has_a_valid_example(stage: str) -> None:
-    """--help exits with 0, shows an example with existing options, and imports no large package."""
-    text = printed_by(sys.executable, "-c", LIGHT_HELP.format(stage), cwd=REPOSITORY)
-    options, _, example = text.partition("example:")
-    argv = shlex.split(example)
-    assert argv[:3] == ["shukotsu", "stage", stage] or (stage, argv[1]) == ("capture", "import")
-    assert all(option in options for option in argv if option.startswith("--"))

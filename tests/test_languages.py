@@ -6,23 +6,19 @@ import re
 from pathlib import Path
 
 import pytest
-from guide_pages import REPOSITORY
+from guide_pages import FENCE, REPOSITORY, blocks
 
 JAPANESE = [*sorted((REPOSITORY / "docs").glob("*.ja.md")), REPOSITORY / "README.ja.md"]
 ONLY_IN_JAPANESE = {"language: ja", "--language ja"}
 """Code for a report in Japanese, which English pages need not mention."""
 
-FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 CODE = re.compile(r"`((?:[^`\n]|\n(?!\n))+)`")
 
 
-def blocks(text: str) -> list[tuple[str, str]]:
-    """Return the language and text of every fenced block, without comments and surrounding spaces."""
-    fenced = [
-        (language, re.sub(r"(?m)(^|\s+)# .*$", "", block)) for _, language, block in FENCE.findall(text)
-    ]
-    return [(language, " ".join(block.split())) for language, block in fenced]
+def code(page: Path) -> list[tuple[str, list[str]]]:
+    """Return the language and the words of every fenced block, without comments."""
+    return [(block.language, re.sub(r"(?m)(^|\s+)# .*$", "", block.text).split()) for block in blocks(page)]
 
 
 def sections(text: str) -> list[tuple[str, str]]:
@@ -50,10 +46,9 @@ def files(section: str) -> list[str]:
 
 @pytest.mark.parametrize("page", JAPANESE, ids=lambda page: page.name)
 def test_a_japanese_page_corresponds_to_the_english_one(page: Path) -> None:
-    english = page.with_name(page.name.replace(".ja.md", ".md")).read_text("utf-8")
-    japanese = page.read_text("utf-8")
-    assert blocks(japanese) == blocks(english)
-    theirs, ours = sections(english), sections(japanese)
+    english = page.with_name(page.name.replace(".ja.md", ".md"))
+    assert code(page) == code(english)
+    theirs, ours = (sections(each.read_text("utf-8")) for each in (english, page))
     assert [level for level, _ in ours] == [level for level, _ in theirs]
     for (_, original), (_, translation) in zip(theirs, ours, strict=True):
         heading = original.partition("\n")[0]

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import re
-from functools import cache
-from pathlib import Path
 
 import pytest
-from program_files import program_files
+from program_files import REPOSITORY, program_files
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = (ROOT / "docs" / "what-went-wrong.md").read_text("utf-8")
+PAGE = (REPOSITORY / "docs" / "what-went-wrong.md").read_text("utf-8")
 FILLED_IN = re.compile(
     r"\d[\d.]*|'[^']*'|\.\.\.|[{}<>]|\b(?:index_distal|little_metacarpal|liberty16|arm|x_mm|frame)\b"
     r"|expected (?=a whole)"
@@ -33,11 +30,9 @@ QUOTED = [cell.strip("*") for cell in first_cells("Joints are weak or failed")]
 QUOTED += [quote for cell in first_cells("An error is printed") for quote in re.findall(r"`([^`]+)`", cell)]
 
 
-@cache
-def code_text() -> str:
-    """Return the program's code with string literals over several lines joined."""
-    code = "\n".join(path.read_text("utf-8") for path in program_files(suffix=".py"))
-    return re.sub(r'"\s*\n\s*f?"', "", code)
+CODE = "\n".join(path.read_text("utf-8") for path in program_files(suffix=".py"))
+CODE = re.sub(r'"\s*\n\s*f?"', "", CODE)
+"""The program's code with string literals over several lines joined."""
 
 
 def longest_part(quote: str) -> str:
@@ -48,4 +43,4 @@ def longest_part(quote: str) -> str:
 @pytest.mark.parametrize("quote", QUOTED)
 def test_quoted_messages_are_in_the_code(quote: str) -> None:
     assert len(longest_part(quote)) >= len("is empty")
-    assert longest_part(quote) in code_text()
+    assert longest_part(quote) in CODE

@@ -11,30 +11,28 @@ from shukotsu.errors import InputError
 if TYPE_CHECKING:
     from shukotsu.workflow.study_files import StudyFiles
 
-_HERE = "shukotsu.commands"
-
 
 class Command(NamedTuple):
-    """A command: its module, and a summary in one line."""
+    """A command: the name of its module in this package, and a summary in one line."""
 
     module: str
     summary: str
 
 
 COMMANDS = {
-    "new": Command(f"{_HERE}.new_study", "make a study folder with files to edit"),
-    "check": Command(f"{_HERE}.check_file", "check a study, or whether a recording went well"),
-    "run": Command(f"{_HERE}.run_study", "run a study, or only what is out of date"),
-    "demo": Command(f"{_HERE}.run_demo", "run the demo study in this folder"),
-    "report": Command(f"{_HERE}.show_report", "locate, print or open a study's report"),
-    "export": Command(f"{_HERE}.export_study", "write a study's moving skeletons for other programs"),
-    "record": Command(f"{_HERE}.record_tracker", "record a tracker into a raw capture"),
-    "coach": Command(f"{_HERE}.coach_hand", "record a hand's calibration and advise while it is recorded"),
-    "emulate": Command(f"{_HERE}.emulate_tracker", "emulate a tracker, to try recording without one"),
-    "inspect": Command(f"{_HERE}.inspect_file", "describe a file, and draft the mapping that it needs"),
-    "import": Command(f"{_HERE}.import_file", "convert a recording's file to a poses table"),
-    "stage": Command(f"{_HERE}.run_stage", "run one stage of the pipeline alone"),
-    "doctor": Command(f"{_HERE}.doctor", "show what is installed and missing, and what this machine can do"),
+    "new": Command("new_study", "make a study folder with files to edit"),
+    "check": Command("check_file", "check a study, or whether a recording went well"),
+    "run": Command("run_study", "run a study, or only what is out of date"),
+    "demo": Command("run_demo", "run the demo study in this folder"),
+    "report": Command("show_report", "locate, print or open a study's report"),
+    "export": Command("export_study", "write a study's moving skeletons for other programs"),
+    "record": Command("record_tracker", "record a tracker into a raw capture"),
+    "coach": Command("coach_hand", "record a hand's calibration and advise while it is recorded"),
+    "emulate": Command("emulate_tracker", "emulate a tracker, to try recording without one"),
+    "inspect": Command("inspect_file", "describe a file, and draft the mapping that it needs"),
+    "import": Command("import_file", "convert a recording's file to a poses table"),
+    "stage": Command("run_stage", "run one stage of the pipeline alone"),
+    "doctor": Command("doctor", "show what is installed and missing, and what this machine can do"),
 }
 
 

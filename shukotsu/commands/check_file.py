@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,8 +15,6 @@ from shukotsu.tables.text_files import reading
 
 if TYPE_CHECKING:
     from shukotsu.study.layout import Layout
-
-STUDY_ENDINGS = (".yaml", ".yml", ".json")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -49,7 +48,7 @@ def check(arguments: argparse.Namespace) -> int:
 
     Raises InputError if it cannot be read.
     """
-    if arguments.file.suffix.lower() in STUDY_ENDINGS:
+    if arguments.file.suffix.lower() in (".yaml", ".yml", ".json"):
         from shukotsu.commands.check_study import check_study
 
         return check_study(arguments.file)
@@ -113,13 +112,11 @@ def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
 def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
     """Return the error, or, if a mapping can be drafted for the file, one that explains how."""
     from shukotsu.commands.inspect_file import describe
-    from shukotsu.study.layout import read_layout
 
-    try:
-        drafted = bool(describe(path, read_layout(layout)).draft)
-    except InputError:
-        return error
-    if not drafted:
+    draft = ""
+    with suppress(InputError):
+        draft = describe(path, layout).draft
+    if not draft:
         return error
     worn = "" if layout == "liberty16" else f" --layout {layout}"
     return InputError(

@@ -129,5 +129,4 @@ def _named_finding(name: str, finding: Finding) -> NamedFinding:
 
 
 def _name(recording: Recording) -> str:
-    hand = recording.hand
-    return " ".join(filter(None, (hand.subject, hand.session, hand.hand, recording.task, recording.trial)))
+    return " ".join(filter(None, recording.key.values()))

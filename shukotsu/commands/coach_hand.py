@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
+from shukotsu.commands import USUAL
 from shukotsu.errors import InputError, count_of
 
 if TYPE_CHECKING:
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from shukotsu.tracker.archive import Piece
     from shukotsu.tracker.conversation import StopRequest
 
-USUAL = Path("study.yaml")
-PUT_RIGHT = "receivers were corrected during it"
-SOURCES = ("port", "follow", "replay")
 READ_S, LOST_S, FIRST_S = 0.1, 5.0, 20.0
 """Interval between readings; time without data after which a warning is printed; and the longer such time at
 the start, while the tracker is being set up."""
@@ -51,15 +48,9 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(argv: list[str]) -> int:
-    """Run the command and return the exit code."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # leave the other processors to the recorder
-    return command_line.run(build_parser, argv, coach)
-
-
 def coach(arguments: argparse.Namespace) -> None:
     """Coach one hand. Raises InputError if options contradict each other or there is nothing to coach."""
-    if sum(getattr(arguments, name) is not None for name in SOURCES) != 1:
+    if [arguments.port, arguments.follow, arguments.replay].count(None) != 2:
         raise InputError("expected one of --port (to record), --follow and --replay")
     if not arguments.speed >= 0:
         raise InputError(f"--speed: is {arguments.speed:g}; expected 0 or more")
@@ -93,14 +84,11 @@ def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopR
     from shukotsu.coach.live_poses import Replayed
     from shukotsu.tracker.archive import FollowedArchive
 
-    coached = Coach(hand)
+    coached, path, page = Coach(hand), arguments.replay or arguments.follow, arguments.page
     if arguments.replay is not None:
-        replayed = Replayed(arguments.replay, arguments.speed)
-        _run(coached, replayed, arguments.replay, arguments.page, stop, live=False)
-        path = arguments.replay
+        _run(coached, Replayed(path, arguments.speed), path, page, stop, live=False)
     else:
-        path = arguments.follow
-        _run(coached, FollowedArchive(path), path, arguments.page or path.with_suffix(".html"), stop)
+        _run(coached, FollowedArchive(path), path, page or path.with_suffix(".html"), stop)
     if not coached.frames:
         raise InputError(f"{path}: has no frame of a tracker; expected a recording of a hand that moves")
 
@@ -119,7 +107,6 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     archive.parent.mkdir(parents=True, exist_ok=True)
     recorder = Recorder(archive, [f"--port={arguments.port}", *arguments.recorder])
     arguments.page = arguments.page or archive.with_suffix(".html")  # also of the recordings that follow
-    code = 0
     try:
         _run(coached, recorder, archive, arguments.page, stop)
     finally:
@@ -128,7 +115,8 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
         last_note = "".join(recorder.notes[-1:]).removeprefix("error: ")
         raise InputError(f"{arguments.port}: nothing was recorded ({last_note})")
     print("\n".join(recorder.notes), file=sys.stderr)
-    exclude = PUT_RIGHT if coached.restarts else "" if coached.calibration.estimate else "it shows no hand"
+    exclude = "" if coached.calibration.estimate else "it shows no hand"
+    exclude = "receivers were corrected during it" if coached.restarts else exclude
     if arguments.study is not None:
         try:
             sheet = enter_recording(arguments.study, hand.whose, archive, exclude)
@@ -200,3 +188,6 @@ def _run(
         print("\n".join(coached.end()), flush=True)
         if page is not None:
             show(page)
+
+
+main = command_line.script(build_parser, coach)

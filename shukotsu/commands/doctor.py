@@ -9,6 +9,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import NamedTuple
@@ -52,18 +53,9 @@ def build_parser() -> argparse.ArgumentParser:
 def checks() -> Iterator[Check]:
     """Yield the results of all checks: packages and disk, which studies need, then serial ports."""
     state = f"Python {platform.python_version()} at {sys.executable}, on {platform.system()}"
-    missing = []
-    try:
-        for requirement in requires("shukotsu") or []:
-            if "extra ==" in requirement:  # optional
-                continue
-            name = re.split(r"[^\w.-]", requirement)[0]
-            try:
-                version(name)
-            except PackageNotFoundError:
-                missing.append(name)
-    except PackageNotFoundError:
-        missing.append("shukotsu")
+    needed = (requires("shukotsu") or []) if _is_installed("shukotsu") else []
+    names = [re.split(r"[^\w.-]", each)[0] for each in needed if "extra ==" not in each]  # not optional
+    missing = [name for name in ("shukotsu", *names) if not _is_installed(name)]
     remedy = f"not installed: {', '.join(missing)}; install this program again"
     yield Check("packages", state, not missing, remedy, needed=True)
     free = shutil.disk_usage(Path.cwd()).free / 1e9
@@ -82,6 +74,12 @@ def checks() -> Iterator[Check]:
     state += f"; this user has no permission for {', '.join(closed)}" if closed else ""
     remedy = "join the ports' group (often dialout) and log in again" if closed else "only `record` needs one"
     yield Check("tracker", state, bool(ports) and not closed, remedy)
+
+
+def _is_installed(package: str) -> bool:
+    with suppress(PackageNotFoundError):
+        return bool(version(package))
+    return False
 
 
 def doctor(options: argparse.Namespace) -> int:

@@ -7,7 +7,6 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
@@ -26,8 +25,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
     where = parser.add_mutually_exclusive_group(required=True)
     add = where.add_argument
-    link: dict[str, Any] = {"nargs": "?", "const": Path(), "type": Path, "metavar": "LINK"}
-    add("--pty", **link, help="on a pseudo-terminal, linked to LINK")
+    help_text = "on a pseudo-terminal, linked to LINK"
+    add("--pty", nargs="?", const=Path(), type=Path, metavar="LINK", help=help_text)
     add("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
     add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, no port")
     add = parser.add_argument

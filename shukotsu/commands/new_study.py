@@ -73,9 +73,8 @@ def new_study(arguments: argparse.Namespace) -> None:
 
     folder: Path = arguments.folder
     name = folder.resolve().name
-    study = (
-        re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-_")[:100] or "study"
-    )  # part of paths and of commands
+    # the study's name is part of paths and of commands
+    study = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-_")[:100] or "study"
     template = (TEMPLATES / STUDY[arguments.language]).read_text("utf-8")
     sheet, mappings, notes = _draft_sheet(arguments)
     notes += [f"the study is called {study}, and results go to results/{study}"] if study != name else []
@@ -110,16 +109,16 @@ def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], di
     paths = recordings_in(arguments.recordings)
     root = arguments.recordings.resolve()
     with progress("inspected", len(paths)) as inspected:
-        drafts = draft_mappings(paths, layout, inspected)
+        texts, mapping_of, reasons = draft_mappings(paths, layout, inspected)
     cells = []
     for path, parts in zip(paths, parts_of_names(path.relative_to(root) for path in paths), strict=True):
-        mapping = drafts.of.get(path, "")
-        of_both = "left_receivers" in drafts.texts.get(mapping, "") and not parts.hand
+        mapping = mapping_of.get(path, "")
+        of_both = "left_receivers" in texts.get(mapping, "") and not parts.hand
         row = {**vars(parts), "file": _from(path, arguments.folder), "mapping": mapping}
-        cells += [row | {"hand": hand} for hand in HANDS_OF_BOTH] if of_both else [row]
+        cells += [row | {"hand": hand} for hand in ("right", "left")] if of_both else [row]
     columns = [*COLUMNS, *(name for name in MORE_COLUMNS if any(row[name] for row in cells))]
-    notes = [f"{reason}; its row stays until you remove it" for reason in drafts.refused.values()]
-    return [columns, *([row[name] for name in columns] for row in cells)], drafts.texts, notes
+    notes = [f"{reason}; its row stays until you remove it" for reason in reasons]
+    return [columns, *([row[name] for name in columns] for row in cells)], texts, notes
 
 
 def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Mapping[str, str]) -> str:
@@ -163,8 +162,6 @@ HANDS = {
     **dict.fromkeys(("l", "lh", "left", "li", "links"), "left"),
 }
 """Hands by the words that file names use for them, in lower case."""
-HANDS_OF_BOTH = ("right", "left")
-"""Hands of the rows that are drafted for a file with both hands."""
 CALIBRATIONS = ("cal", "calib", "calibration", "rom", "kalibrierung")
 """Words in file names, in lower case, for a recording in which every joint moves through its range."""
 _KEYS = {
@@ -250,22 +247,14 @@ def _parts(name: Path) -> NameParts:
     return NameParts(**cells | {"subject": subject, "task": task, "role": role})
 
 
-@dataclass(frozen=True)
-class Drafts:
-    """Drafted mappings. texts : by file name. of : file name by recording. refused : why one was not read."""
-
-    texts: dict[str, str]
-    of: dict[Path, str]
-    refused: dict[Path, str]
-
-
 def draft_mappings(
-    recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None] = lambda _: None
-) -> Drafts:
+    recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None]
+) -> tuple[dict[str, str], dict[Path, str], list[str]]:
     """Draft the mappings that recordings need.
 
     Recordings share a mapping if their drafts are equal except for values that one of them leaves open.
-    inspected : called with the number of files read so far.
+    inspected : called with the number of files read so far. Returns the mappings' texts by file name, these
+    names by recording, and the reasons why recordings were not read.
     """
     from shukotsu.readers.inspection.description import CHECK
     from shukotsu.study.config_files import loaded_yaml
@@ -276,27 +265,24 @@ def draft_mappings(
             return first.keys() == second.keys() and all(are_alike(first[key], second[key]) for key in first)
         return first == second or CHECK in (first, second)
 
-    groups: list[tuple[str, Any, list[Path]]] = []
-    refused = {}
+    drafts: dict[str, tuple[str, Any]] = {}  # text and content by file name
+    mapping_of, reasons = {}, []
     for count, recording in enumerate(recordings, 1):
         try:
             text = describe(recording, layout).draft
         except InputError as error:
-            refused[recording], text = str(error), ""
+            reasons.append(str(error))
+            text = ""
         inspected(count)
         if not text:
             continue
         config = loaded_yaml(text, str(recording))
-        number = next((n for n, (_, other, _) in enumerate(groups) if are_alike(config, other)), len(groups))
-        if number == len(groups):
-            groups.append((text, config, []))
-        first, _, alike = groups[number]
-        alike.append(recording)
-        if text.count(CHECK) < first.count(CHECK):
-            groups[number] = text, config, alike
-    names = ["mapping.yaml", *(f"mapping-{number}.yaml" for number in range(2, len(groups) + 1))]
-    of = {each: name for name, (_, _, alike) in zip(names, groups, strict=False) for each in alike}
-    return Drafts({name: text for name, (text, _, _) in zip(names, groups, strict=False)}, of, refused)
+        new = f"mapping-{len(drafts) + 1}.yaml" if drafts else "mapping.yaml"
+        name = next((name for name, (_, other) in drafts.items() if are_alike(config, other)), new)
+        if name == new or text.count(CHECK) < drafts[name][0].count(CHECK):
+            drafts[name] = text, config
+        mapping_of[recording] = name
+    return {name: text for name, (text, _) in drafts.items()}, mapping_of, reasons
 
 
 main = command_line.script(build_parser, new_study)

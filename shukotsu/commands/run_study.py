@@ -172,4 +172,4 @@ def main(argv: list[str]) -> int:
         parser.set_defaults(more=argv[end + 1 :])
         return parser
 
-    return command_line.run(with_more, argv[:end], run_study)
+    return command_line.script(with_more, run_study)(argv[:end])

@@ -31,7 +31,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Import a recording as a poses table: check units and frames, keep gaps and name their causes.",
         "shukotsu import --in rom.csv --layout liberty16 --subject 01 --hand right "
         "--task rom --out poses.parquet",
-        records_failure=True,
     )
     add = parser.add_argument
     add("--in", dest="file", type=Path, required=True, help="the recording")
@@ -148,8 +147,7 @@ def import_for_the_moment(file: Path, layout: str, hand: str, out: Path, *more: 
     more : additional command-line options.
     """
     which = [f"--in={file}", f"--layout={layout}", f"--hand={hand}", f"--out={out}"]
-    silent = [*which, "--subject=-", "--task=-", "--record-failure"]  # the caller reports findings
-    import_recording(build_parser().parse_args([*silent, *more]))
+    import_recording(build_parser().parse_args([*which, "--subject=-", "--task=-", *more]))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

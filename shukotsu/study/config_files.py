@@ -23,7 +23,6 @@ from shukotsu.study.file_formats import MAPPED
 from shukotsu.tables import limits
 from shukotsu.tables.text_files import read_text, slash_hint
 
-SCHEMA_FOLDER = ROOT / "schemas" / "json"
 CONFIG_FOLDER = ROOT / "config"
 Constants = TypeVar("Constants")
 
@@ -105,7 +104,7 @@ def json_schema(kind: str) -> dict[str, Any]:
             part["enum"] = [*part.get("enum", ()), *export_constants()[registry]]
         return part
 
-    text = (SCHEMA_FOLDER / f"{kind}.schema.json").read_text("utf-8")
+    text = (ROOT / "schemas" / "json" / f"{kind}.schema.json").read_text("utf-8")
     loaded: dict[str, Any] = json.loads(text, object_hook=with_names)
     return loaded
 

@@ -215,13 +215,8 @@ def moved_finding(row: MovedReceiversRow) -> Finding:
 
 def finding_of(row: Mapping[str, Any]) -> Finding:
     """Return the finding that a row of findings or problems describes."""
-    values = values_of(row["values"])
+    values = json.loads(row["values"]) if row["values"] else {}
     return Finding(row["kind"], row["severity"], row["variant"], values, row["accepted"])
-
-
-def values_of(text: str) -> Values:
-    """Return the values in a cell of the column `values`."""
-    return dict(json.loads(text)) if text else {}
 
 
 def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Finding:

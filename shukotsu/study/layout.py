@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
@@ -213,17 +214,16 @@ def _vector(values: list[float]) -> Vector:
 
 def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: str) -> Segment:
     worn = axes | {k: _vector(v) for k, v in part.get("receiver_axes", {}).items()}
-    for i, first in enumerate(worn):
-        for second in list(worn)[i:]:
-            dot = sum(a * b for a, b in zip(worn[first], worn[second], strict=True))
-            if abs(dot - (first == second)) > 1e-6:
-                odd = f"{first} and {second} are not"
-                if first == second:
-                    odd = f"{first} has length {math.sqrt(dot):.4g}"
-                raise InputError(
-                    f"{where}: segments.{name}: receiver_axes distal, lateral and dorsal must be unit "
-                    f"vectors at right angles; {odd}"
-                )
+    for first, second in combinations_with_replacement(worn, 2):
+        dot = sum(a * b for a, b in zip(worn[first], worn[second], strict=True))
+        if abs(dot - (first == second)) > 1e-6:
+            odd = f"{first} and {second} are not"
+            if first == second:
+                odd = f"{first} has length {math.sqrt(dot):.4g}"
+            raise InputError(
+                f"{where}: segments.{name}: receiver_axes distal, lateral and dorsal must be unit "
+                f"vectors at right angles; {odd}"
+            )
     receiver, left = part.get("receiver"), part.get("left_receiver")
     return Segment(name, receiver, part["measured"], part["optional"], **worn, left_receiver=left)
 

@@ -196,20 +196,18 @@ class SubjectPlan:
 
     def checked(self, findings: Path) -> SubjectPlan:
         """Return the plan with the refusals and suspicions of the subject's findings table."""
-        reasons: dict[str, dict[tuple[str, str, str], str]] = {REFUSED: {}, SUSPECT: {}}
+        reasons: dict[tuple[str, ...], str] = {}
         for row in rows_of(read_table(findings, FINDINGS)):
-            of_severity = reasons.get(row["severity"], {})
-            of_severity.setdefault((row["hand"], row["task"], row["trial"]), row["message"])
-        recordings, refused, suspect = [], [], []
-        for recording in self.recordings:
-            key = recording.key_in_session
-            if key in reasons[SUSPECT]:
-                suspect.append(recording)
-            if key in reasons[REFUSED] and not recording.exclude:
-                recording = replace(recording, exclude=reasons[REFUSED][key])
-                refused.append(recording)
-            recordings.append(recording)
-        return replace(self, recordings=tuple(recordings), refused=tuple(refused), suspect=tuple(suspect))
+            key = row["severity"], row["hand"], row["task"], row["trial"]
+            reasons.setdefault(key, row["message"])
+        refused = {
+            recording: replace(recording, exclude=reasons[REFUSED, *recording.key_in_session])
+            for recording in self.recordings
+            if (REFUSED, *recording.key_in_session) in reasons and not recording.exclude
+        }
+        recordings = tuple(refused.get(recording, recording) for recording in self.recordings)
+        suspect = tuple(r for r in self.recordings if (SUSPECT, *r.key_in_session) in reasons)
+        return replace(self, recordings=recordings, refused=tuple(refused.values()), suspect=suspect)
 
     def doubted(self, hand: str) -> str:
         """Return the title of the hand's first refused or suspect recording, or an empty string."""
@@ -289,25 +287,19 @@ def plan_of_poses(named: NamedHand, layout: Layout, models: Sequence[SkeletonMod
     """
     poses = [*named.calibration, *named.evaluated]
     whose = one_hand(poses, named.subject, named.session, named.hand)
-    files: list[Path] = []
+    recordings: dict[tuple[str, str, str], Recording] = {}
     for path in poses:
-        if not any(other.samefile(path) for other in files):
-            files.append(path)
-    recordings: list[Recording] = []
-    file_of: dict[tuple[str, str, str], Path] = {}
-    for path in files:
         in_file = recording_name(path)
         is_in = [any(path.samefile(each) for each in paths) for paths in (named.calibration, named.evaluated)]
         role = "both" if all(is_in) else "calibration" if is_in[0] else "evaluation"
         source = Source(path, str(path), Path(layout.name))
         recording = Recording(whose, in_file.task, in_file.trial, role, source)
-        first = file_of.setdefault(recording.key_in_session, path)
-        if first != path:
+        first = recordings.setdefault(recording.key_in_session, recording).source.file
+        if not first.samefile(path):
             raise InputError(
                 f"{path}: is of {in_file}, as {first} is; give each recording once, and import another "
                 "repetition under a different --trial"
             )
-        recordings.append(recording)
     sheets = {name: path for name, path in named.sheets.items() if path is not None}
     rows = {}
     for name in HAND_SHEETS:
@@ -323,11 +315,11 @@ def plan_of_poses(named: NamedHand, layout: Layout, models: Sequence[SkeletonMod
         folder=Path(),
         sizes_mm={name: named.sizes_mm.get(name) for name in SIZES},
         factors={},
-        recordings=tuple(recordings),
+        recordings=tuple(recordings.values()),
         layouts={whose.hand: layout},
         models={model.name: model for model in models},
         rows=rows,
         sheets=sheets,
         is_study=False,
-        named_poses=file_of,
+        named_poses={key: recording.source.file for key, recording in recordings.items()},
     )

@@ -92,14 +92,9 @@ FAILED_PAGES = "failed.txt"
 
 @dataclass(frozen=True)
 class Results:
-    """The results folder of one study."""
+    """The results folder of one study: in a run, results/NAME in the working directory."""
 
     folder: Path
-
-    @classmethod
-    def of(cls, study_name: str) -> Results:
-        """Return the results of a study of this name in the working directory."""
-        return cls(Path("results", study_name))
 
     @property
     def report(self) -> Path:
@@ -142,11 +137,6 @@ class Results:
     def tidy_tables(self) -> Path:
         """Folder in which CSV files of the study's tables are made, before they are collected as `tables`."""
         return self.folder / "tidy"
-
-    @property
-    def dataset(self) -> Path:
-        """Folder of the Motion-BIDS dataset of all exported recordings."""
-        return self.exports / "bids"
 
     def subject_pages(self, subject: str, session: str = "") -> Path:
         """Return the folder of the report's pages of one subject."""

@@ -192,10 +192,10 @@ def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) 
         if not set(sheet.key) <= row.values.keys():
             continue
         key = tuple(row[column] for column in sheet.key)
-        if key in lines:
+        first = lines.setdefault(key, row.line)
+        if first != row.line:
             names = ", ".join(f"{c} {v!r}" for c, v in zip(sheet.key, key, strict=True) if v)
-            messages.append(f"row {row.line}: {names} is already in row {lines[key]}")
-        lines.setdefault(key, row.line)
+            messages.append(f"row {row.line}: {names} is already in row {first}")
     if messages:
         rest = f"; and {len(messages) - MAX_MESSAGES} more" if len(messages) > MAX_MESSAGES else ""
         raise InputError(f"{path}: " + "; ".join(messages[:MAX_MESSAGES]) + rest)

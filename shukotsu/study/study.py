@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from shukotsu.errors import InputError, count_of, guess, list_names
-from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
+from shukotsu.study.config_files import REFERENCE, config_path, read_config
 from shukotsu.study.file_formats import AUTO, format_of
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
@@ -180,10 +180,7 @@ class Study(HasRecordings):
 
     def layout_of(self, hand: Hand) -> Path:
         """Return the layout of the hand's recordings; if they have several, the one with most receivers."""
-        layouts = [*self._layouts_of[hand]]
-        if len(layouts) == 1:
-            return layouts[0]
-        return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
+        return max(self._layouts_of[hand], key=lambda path: len(read_layout(path.absolute()).expected))
 
     def judged_layout(self, hand: Hand) -> Layout:
         """Return the layout of the hand's recordings, with the study's `wanted_mm` if it sets one."""
@@ -241,18 +238,10 @@ def not_compared(study: Study) -> dict[str, str]:
 
 def read_study(path: Path) -> Study:
     """Read a study file and all files it names. Raises InputError if any is missing or invalid."""
-    return study_from_config(read_config(path, "study"), path.parent, str(path))
-
-
-def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study:
-    """Build a study from the content of a study file whose relative paths refer to `folder`.
-
-    where : name of the file for messages.
-    """
-    config = check_config(config, "study", where)
+    config, folder, where = read_config(path, "study"), path.parent, str(path)
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
-    settings = dict(config["export_settings"])
+    settings = config["export_settings"]
     for name in settings["models"]:
         if name not in models:
             raise InputError(
@@ -261,13 +250,11 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
             )
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
     simulated = config.get("simulation")
-    simulation = (
-        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None
-    )
+    simulation = None if simulated is None else Simulation(folder / simulated["folder"], simulated["seed"])
     usual = Source(folder, "", layout, mapping=folder / config["mapping"] if "mapping" in config else None)
     recordings, unusable = _recordings(sheets["recordings"], usual, config["factors"], simulation)
-    for path in {r.source.layout for r in recordings} | {layout}:
-        read_layout(path.absolute())
+    for used in {r.source.layout for r in recordings} | {layout}:
+        read_layout(used.absolute())
     rows = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
     _check_factors(config["factors"], recordings, rows["participants"], where)
     if "events" in sheets:

@@ -41,11 +41,6 @@ _SIZES = {
 }
 """Help of the options for the sizes of a hand."""
 
-_CALIBRATION, _EVALUATED = (
-    "poses files that the joints are solved from",
-    "poses files to evaluate the hand in",
-)
-
 
 def add_plan_options(
     parser: argparse.ArgumentParser,
@@ -75,13 +70,12 @@ def add_plan_options(
     parser.add_argument(
         "--plan", type=Path, help="the subject's plan, in place of the options of a hand alone"
     )
+    of_plan = "; with --plan all of the subject's (default: those that it names)"
     for dest, option, help_text in (
-        ("calibration", calibration, _CALIBRATION),
-        ("evaluated", evaluated, _EVALUATED),
+        ("calibration", calibration, "poses files that the joints are solved from"),
+        ("evaluated", evaluated, "poses files to evaluate the hand in"),
     ):
-        more = (
-            "; with --plan all of the subject's (default: those that it names)" if option == "--poses" else ""
-        )
+        more = of_plan if option == "--poses" else ""
         if option:
             parser.add_argument(option, dest=dest, type=Path, nargs="*", default=[], help=help_text + more)
     add_tables(parser, *tables)
@@ -163,11 +157,10 @@ def config_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the configuration files that a stage uses: the plan, or the files of --layout and --model."""
     from shukotsu.study.config_files import config_path
 
-    options = vars(arguments)
-    if options.get("plan") is not None:
+    if arguments.plan is not None:
         return [arguments.plan]
-    names = {kind: options[kind] for kind in ("layout", "model") if options[kind] is not None}
-    return [config_path(name, kind, Path()) for kind, name in names.items()]
+    names = {"layout": arguments.layout, "model": arguments.model}
+    return [config_path(name, kind, Path()) for kind, name in names.items() if name is not None]
 
 
 def poses_files(plan: SubjectPlan) -> list[Path]:

@@ -43,9 +43,8 @@ class FileDigests:
         self._read: dict[str, str] = {}
         self._digests: dict[str, tuple[list[int], int, str]] = {}
         self._last_run: dict[str, dict[str, str]] = {}
-        with suppress(
-            OSError, ValueError, TypeError, AttributeError, RecursionError
-        ):  # a cache that is absent or of another structure is ignored
+        # a cache that is absent or of another structure is ignored
+        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):
             digests, runs = json.loads(cache.read_text("utf-8"))
             self._digests = {
                 path: ([*state], int(at_ns), digest) for path, (state, at_ns, digest) in digests.items()

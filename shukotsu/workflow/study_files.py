@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -64,7 +64,7 @@ class StudyFiles:
     def __init__(self, study_file: Path) -> None:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
-        self.results = results.Results.of(self.study.name)
+        self.results = results.Results(Path("results", self.study.name))
         self.options = shlex.join(["--study", self.file, "--results", self.results.folder.as_posix()])
         self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
@@ -184,9 +184,7 @@ class StudyFiles:
 
     def subject_options(self, wildcards: Wildcards) -> str:
         """Return the options that name a job's subject and session."""
-        who = self.subject(wildcards)
-        session = [f"--session={who.session}"] if who.session else []
-        return shlex.join([f"--subject={who.subject}", *session])
+        return _options(self.subject(wildcards)._asdict())
 
     def font_note(self) -> str:
         """Return a note if figures for print cannot be in the study's language, or an empty string."""
@@ -397,15 +395,14 @@ class StudyFiles:
     @property
     def export_options(self) -> str:
         """Options of the export command that the study file sets."""
-        settings = self.study.export_settings | {"models": ",".join(self.study.export_settings["models"])}
-        chosen = {name: value for name, value in settings.items() if value not in ("", None)}
-        return shlex.join(f"{option_of(name)}={value}" for name, value in chosen.items())
+        settings = self.study.export_settings
+        return _options(settings | {"models": ",".join(settings["models"])})
 
     @property
     def participants(self) -> str:
         """Option that names the participants sheet; an empty string if the study has none."""
         sheet = self.study.sheets.get("participants")
-        return "" if sheet is None else shlex.join([f"--participants={_relative(sheet)}"])
+        return _options({"participants": None if sheet is None else _relative(sheet)})
 
     @property
     def outputs(self) -> list[str]:
@@ -413,6 +410,12 @@ class StudyFiles:
         files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
         files += [*self.tables, *self.subject_pages]
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
+
+
+def _options(values: Mapping[str, Any]) -> str:
+    """Return values by name as options in a shell command, without those that are empty."""
+    options = [f"{option_of(name)}={value}" for name, value in values.items() if value not in ("", None)]
+    return shlex.join(options)
 
 
 def import_options(recording: Recording) -> list[str]:

@@ -22,7 +22,6 @@ import threading
 import traceback
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
 
 from shukotsu import command_line, job
 
@@ -73,7 +72,7 @@ def serve(listener: socket.socket) -> None:
     """Fork for every job that connects, until standard input is closed."""
     command_line.begin()
     for name in PACKAGES:
-        package: ModuleType = importlib.import_module(name)
+        package = importlib.import_module(name)
         if name.startswith("shukotsu."):
             for module in pkgutil.walk_packages(package.__path__, f"{name}."):
                 importlib.import_module(module.name)

@@ -88,10 +88,7 @@ def test_subjects_that_are_missing_in_a_sheet_are_noted(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("loop.csv").symlink_to("loop.csv")
-    Path("recordings.tsv").write_text("subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\tloop.csv\n")
-    Path("participants.tsv").write_text("subject\thand_length_mm\n1\t180\n")
-    sheets = "recordings: recordings.tsv\nparticipants: participants.tsv\n"
-    Path("study.yaml").write_text(f"study: s\n{sheets}layout: liberty16\nmodels: [rigid]\n")
+    write_study(tmp_path, "01 right rom both loop.csv", participants="subject hand_length_mm\n1 180\n")
     assert check([]) == 2
     assert "note: participants.tsv: has no row of '01', and row 2 is of '1'" in capsys.readouterr().out
 

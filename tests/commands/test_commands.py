@@ -1,4 +1,4 @@
-"""The commands of `shukotsu`: their help, with a valid example and without slow imports."""
+"""The commands of `shukotsu` and the stages: their help, with a valid example and without slow imports."""
 
 from __future__ import annotations
 
@@ -7,33 +7,41 @@ import sys
 from pathlib import Path
 
 import pytest
-from program_files import printed_by, run_python
+from program_files import PACKAGE, printed_by, run_python
 
 from shukotsu.commands import COMMANDS
+from shukotsu.commands.run_stage import STAGES
 
-HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "matplotlib", "snakemake")
-LIGHT_HELP = f"""
-import sys
-from shukotsu.__main__ import main
+NAMES = {"capture": "shukotsu import"}
+"""Names of stages in their help if they are also commands."""
+PROGRAMS: list[tuple[str, list[str]]] = [
+    *((f"shukotsu {name}", [str(PACKAGE / "__main__.py"), name]) for name in COMMANDS),
+    *((NAMES.get(path.stem, f"shukotsu stage {path.stem}"), [str(path)]) for path in STAGES.glob("*.py")),
+]
+"""The name of every command and stage in its help, and the script and words that run it."""
+LIGHT_HELP = """
+import runpy, sys
+del sys.argv[0]
 try:
-    main(sys.argv[1:])
+    runpy.run_path(sys.argv[0], run_name="__main__")
 except SystemExit as ended:
-    heavy = {HEAVY} and set({HEAVY}) & set(sys.modules)
-    sys.exit(f"imported {{heavy}}" if heavy else ended.code)
+    heavy = {"numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "matplotlib", "snakemake"}
+    heavy &= set(sys.modules)
+    sys.exit(f"imported {heavy}" if heavy else ended.code)
 """
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_commands_help_is_fast_and_has_a_valid_example(tmp_path: Path, command: str) -> None:
-    """Run in another folder, the help has an example of the command with existing options, and imports no
-    large package.
+@pytest.mark.parametrize(("name", "words"), PROGRAMS)
+def test_help_is_fast_and_has_a_valid_example(tmp_path: Path, name: str, words: list[str]) -> None:
+    """Run in another folder, the help has an example of the command or stage with existing options, and
+    imports no large package.
     """
-    done = run_python(tmp_path, "-c", LIGHT_HELP, command, "--help")
+    done = run_python(tmp_path, "-c", LIGHT_HELP, *words, "--help")
     assert done.returncode == 0, done.stderr
     help_text, _, example = done.stdout.partition("example:")
-    assert help_text.startswith(f"usage: shukotsu {command}")
+    assert help_text.startswith(f"usage: {name}")
     argv = shlex.split(example.replace("$(", "").replace(")", ""), comments=True)
-    assert ["shukotsu", command] in [argv[i : i + 2] for i in range(len(argv))]
+    assert name.split() in [argv[i : i + len(name.split())] for i in range(len(argv))]
     arguments = argv[: argv.index("--")] if "--" in argv else argv
     assert [option for option in arguments if option.startswith("--") and option not in help_text] == []
 

@@ -16,18 +16,15 @@ def test_tcp_serves_one_client_at_a_time() -> None:
     with emulator("--stations", "1,3", port=("--tcp", "0")) as name:
         host, port = name.removeprefix("socket://").split(":")
         address = (host, int(port))
-        with socket.create_connection(address) as first:
-            first.settimeout(PATIENCE_S)
+        with socket.create_connection(address, PATIENCE_S) as first:
             first.sendall(b"F1\rU1\rU\r")
             assert first.recv(100)[8:] == struct.pack("<i", 1)
-            with socket.create_connection(address) as second:
-                second.settimeout(PATIENCE_S)
+            with socket.create_connection(address, PATIENCE_S) as second:
                 assert second.recv(100) == b""
             first.sendall(b"C\r")
             assert first.recv(2).startswith(b"LY")
         time.sleep(0.1)
-        with socket.create_connection(address) as later:
-            later.settimeout(PATIENCE_S)
+        with socket.create_connection(address, PATIENCE_S) as later:
             received = b""
             while b"LY\x03C" not in received:
                 received += later.recv(4096)

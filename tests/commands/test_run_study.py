@@ -9,7 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from program_files import REPOSITORY, started
+from program_files import REPOSITORY, run_python, started
 
 from shukotsu.commands import run_study
 from shukotsu.workflow import one_run
@@ -70,7 +70,7 @@ def test_a_signal_ends_all_started_processes(name: str, kill: Callable[[int, int
 
 @pytest.mark.parametrize("name", ENDS)
 @pytest.mark.parametrize("module", ["shukotsu.command_line", "shukotsu.study.study"])
-def test_a_signal_during_imports_ends_with_one_sentence(name: str, module: str) -> None:
+def test_a_signal_during_imports_ends_with_one_sentence(tmp_path: Path, name: str, module: str) -> None:
     code = (
         "import os, signal, sys\n"
         "class Finder:\n"
@@ -79,8 +79,7 @@ def test_a_signal_during_imports_ends_with_one_sentence(name: str, module: str) 
         "sys.meta_path.insert(0, Finder()); sys.argv = ['shukotsu', 'check', 'none.yaml']\n"
         "from shukotsu.__main__ import main; sys.exit(main())"
     )
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    done = run_python(tmp_path, "-c", code)
     assert (done.returncode, done.stderr) == (ENDS[name][0], f"error: {ENDS[name][1]}\n")
 
 

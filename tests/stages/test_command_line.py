@@ -82,7 +82,7 @@ def test_an_output_that_would_replace_an_input_is_refused(
     parser.add_argument("--out", type=Path)
     parser.add_argument("--out-bones", type=Path)
     worked: list[argparse.Namespace] = []
-    status = command_line.run(lambda: parser, argv, worked.append)
+    status = command_line.script(lambda: parser, worked.append)(argv)
     assert (status, len(worked)) == ((2, 0) if message else (0, 1))
     assert message in capsys.readouterr().err
 
@@ -140,7 +140,8 @@ def test_running_out_of_memory_ends_with_one_sentence(capsys: pytest.CaptureFixt
     def work(_: argparse.Namespace) -> None:
         raise pa.ArrowMemoryError("malloc of size 99 failed")
 
-    assert command_line.run(any_parser, ["--record-failure"], work, lambda *_: pytest.fail("recorded")) == 2
+    main = command_line.script(any_parser, work, lambda *_: pytest.fail("recorded"))
+    assert main(["--record-failure"]) == 2
     assert capsys.readouterr().err.startswith(
         "error: not enough memory (malloc of size 99 failed); run fewer"
     )
@@ -179,7 +180,8 @@ def test_a_failure_is_logged_and_recorded_on_request(
     def work(_: argparse.Namespace) -> None:
         raise error
 
-    assert command_line.run(any_parser, argv, work, lambda _, message: messages.append(message)) == code
+    main = command_line.script(any_parser, work, lambda _, message: messages.append(message))
+    assert main(argv) == code
     assert messages == recorded
     log = capsys.readouterr().err
     if isinstance(error, InputError):
@@ -196,7 +198,7 @@ def test_a_failed_part_is_recorded_in_every_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], error: Exception, message: str
 ) -> None:
     paths = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
-    arguments = any_parser().parse_args(["--record-failure"])
+    arguments = argparse.Namespace(stage="any", record_failure=True)
     with (
         parts_writer(paths[0], JOINT_CENTRES, Provenance()) as first,
         parts_writer(paths[1], GAINS, Provenance()) as second,
@@ -246,9 +248,8 @@ def test_an_interrupted_command_leaves_no_file_or_traceback(tmp_path: Path, numb
     write = "from shukotsu.tables.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as half: "
     work = f"{write}half.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
-    done = run_as_command(
-        work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL)
-    )  # in case the caller ignores it
+    # the signal is not ignored, even if the caller ignores it
+    done = run_as_command(work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL))
     assert done.returncode == code
     assert done.stderr == ("error: interrupted\n" if code == 130 else f"error: ended by {number}\n")
     assert not list(tmp_path.iterdir())

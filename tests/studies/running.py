@@ -85,7 +85,7 @@ class StudyRun:
     @property
     def results(self) -> Results:
         """Paths of the results."""
-        return Results(self.folder / Results.of(self.file.stem).folder)
+        return Results(self.folder / "results" / self.file.stem)
 
     def rows(self, table: str) -> list[Row]:
         """Return the rows of a study-wide table, checked against its schema."""

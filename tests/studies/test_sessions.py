@@ -103,7 +103,7 @@ def test_pages_exports_and_the_dataset_name_the_session(study: StudyRun) -> None
     exports = {path.name for path in study.results.exports.glob("*.bvh")}
     units = ("sub-01_ses-1", "sub-01_ses-post%20op")
     assert exports >= {f"{unit}_hand-right_task-rom_model-{m}.bvh" for unit, m in product(units, MODELS)}
-    dataset = study.results.dataset
+    dataset = study.results.exports / "bids"
     motions = {path.relative_to(dataset).parent.as_posix() for path in dataset.rglob("*_motion.tsv")}
     assert motions == {"sub-01/ses-1/motion", "sub-01/ses-postQsop/motion", "sub-02/motion"}
     assert (dataset / "participants.tsv").read_text("utf-8").count("sub-01") == 1
@@ -128,7 +128,7 @@ def test_every_export_is_written_or_its_reason_is(study: StudyRun) -> None:
 def test_the_shared_export_folder_uses_hard_links(study: StudyRun) -> None:
     """Files in the folder of all exports are hard links to those of the subjects' folders."""
     folders = {path for path in study.results.exports.iterdir() if path.is_dir()}
-    assert folders == {study.results.dataset, study.results.exports / "tables"}
+    assert folders == {study.results.exports / name for name in ("bids", "tables")}
     package = json.loads((study.results.exports / "tables" / "datapackage.json").read_text("utf-8"))
     resources = {resource["name"] for resource in package["resources"]}
     assert resources >= {"recordings", "ranges_of_motion", "problems"}

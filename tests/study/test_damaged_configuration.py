@@ -12,6 +12,7 @@ from damaged_bytes import assert_read_or_refused, damaged
 from hypothesis import given
 from hypothesis import strategies as st
 from sample_files import poses_of
+from small_study import write_study
 
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.layout import read_layout
@@ -21,19 +22,16 @@ from shukotsu.study.plan_file import StudyPlans, plan_text, read_plan
 from shukotsu.study.study import read_study
 from shukotsu.tables.poses import read_poses
 
-STUDY = {
-    "study.yaml": "study: a\nrecordings: recordings.tsv\nparticipants: participants.tsv\n"
-    "corrections: corrections.tsv\nmeasurements: measurements.tsv\ntouches: touches.tsv\nevents: events.tsv\n"
-    "factors: [group, hand]\nlayout: liberty16\nmodels: [paper-fig4, whole-hand]\nexports: [bvh, glb]\n",
-    "recordings.tsv": "subject\thand\ttask\trole\tfile\ttrial\n01\tright\trom\tboth\ta.csv\t\n"
-    "01\tright\tgrasp\tevaluation\tb.csv\t2\n02\tleft\trom\tboth\tc.csv\t\n",
-    "participants.tsv": "subject\thand_length_mm\thand_breadth_mm\tgroup\n01\t180\t80\ta\n02\t\t\tb\n",
-    "corrections.tsv": "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tindex_pip\t1\t-2\t3e0\n",
-    "measurements.tsv": "subject\thand\tquantity\tvalue_mm\tsd_mm\n01\tright\tindex_proximal\t40.5\t1\n",
-    "touches.tsv": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm\n"
-    "01\tright\trom\tindex\tpad\t0.5\t1\t1\t2\t3\t0.5\n",
-    "events.tsv": "subject\thand\ttask\ttrial\tonset_s\tduration_s\tname\n01\tright\tgrasp\t2\t0.5\t1\ttap\n",
+ROWS = ("01 right rom both a.csv", "01 right grasp evaluation b.csv 2", "02 left rom both c.csv")
+SHEETS = {
+    "participants": "subject hand_length_mm hand_breadth_mm group\n01 180 80 a\n02   b\n",
+    "corrections": "subject hand joint dx_mm dy_mm dz_mm\n01 right index_pip 1 -2 3e0\n",
+    "measurements": "subject hand quantity value_mm sd_mm\n01 right index_proximal 40.5 1\n",
+    "touches": "subject hand task digit part from_s to_s x_mm y_mm z_mm sd_mm\n"
+    "01 right rom index pad 0.5 1 1 2 3 0.5\n",
+    "events": "subject hand task trial onset_s duration_s name\n01 right grasp 2 0.5 1 tap\n",
 }
+MORE = "factors: [group, hand]\nexports: [bvh, glb]\n"
 MAPPING = """{format: csv, position_unit: cm, orientation: {kind: quaternion, order: wxyz},
 csv: {time: t, time_unit: s}, receivers: {hand: {position: [x, y, z], orientation: [a, b, c, d]}}}"""
 
@@ -56,7 +54,7 @@ def plan_of(folder: Path) -> None:
 
 
 READERS: Mapping[str, Callable[[Path], object]] = {
-    **dict.fromkeys(STUDY, lambda folder: read_study(folder / "study.yaml")),
+    **dict.fromkeys((f"sheets/{name}.tsv" for name in ("recordings", *SHEETS)), plans_of),
     "study.yaml": all_plans,
     "layout.yaml": lambda folder: read_layout("layout.yaml", folder).of_hand("left"),
     "model.yaml": lambda folder: read_model("model.yaml", folder),
@@ -70,7 +68,8 @@ READERS: Mapping[str, Callable[[Path], object]] = {
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sound")
     layout, model = CONFIG_FOLDER / "layouts/liberty16.yaml", CONFIG_FOLDER / "models/whole-hand.yaml"
-    files = STUDY | {"mapping.yaml": MAPPING, "layout.yaml": layout.read_text("utf-8")}
+    write_study(folder, *ROWS, models=("paper-fig4", "whole-hand"), more=MORE, **SHEETS)
+    files = {"mapping.yaml": MAPPING, "layout.yaml": layout.read_text("utf-8")}
     files |= {"model.yaml": model.read_text("utf-8").replace("model: whole-hand", "model: model")}
     for name, text in files.items():
         (folder / name).write_text(text, "utf-8")

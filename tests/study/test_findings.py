@@ -21,9 +21,9 @@ from shukotsu.study.findings import (
     Finding,
     Seen,
     faults,
+    finding_of,
     problem_row,
     row_sentence,
-    values_of,
 )
 
 VALUES: dict[str, Any] = {
@@ -61,8 +61,7 @@ EVIDENCE: dict[str, dict[str, Any]] = {
              "least_after": -35.0, "most_after": -10.0},
 }  # fmt: skip
 
-GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
-EFFECT = {**GAPS, "effect": "closer"}
+EFFECT = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16, "effect": "closer"}
 
 KINDS = read_yaml(ROOT / "schemas" / "mistakes.yaml", "mistakes")
 
@@ -163,10 +162,8 @@ def test_findings_have_complete_sentences_and_survive_a_round_trip(finding: Find
     message = finding.message
     assert not message[0].islower() or finding.kind not in KINDS
     assert not re.search(r"  |\{\w*\}|None|\[\]|: :|,,", message)
-    columns = finding.columns
-    again = Finding(columns["kind"], SUSPECT, columns["variant"], values_of(columns["values"]))
-    assert again == finding
-    assert again.message == columns["message"] == message
+    assert finding_of(finding.columns) == finding
+    assert finding.columns["message"] == message
 
 
 def test_a_sentence_has_the_mistake_its_effect_and_the_cure() -> None:

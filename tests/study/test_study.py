@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from small_study import HEADER, write_study
+from small_study import write_study
 
 from shukotsu.errors import InputError
 from shukotsu.study.config_files import CONFIG_FOLDER
@@ -43,26 +43,17 @@ def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
 def test_a_study_may_use_its_own_layouts_and_models(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text("model: mine\ndescription: My own.\n")
     (tmp_path / "wing.yaml").write_bytes((CONFIG_FOLDER / "layouts" / "arm.yaml").read_bytes())
-    (tmp_path / "recordings.tsv").write_text(f"{HEADER}\n01\tright\trom\tboth\tr.csv\t\twing.yaml\n")
-    (tmp_path / "study.yaml").write_text(
-        "study: s\nrecordings: recordings.tsv\nlayout: arm\nmodels: [mine.yaml]\n"
-    )
-    read = read_study(tmp_path / "study.yaml")
+    read = read_study(write_study(tmp_path, "01 right rom both r.csv - wing.yaml", models=["mine.yaml"]))
     assert read.models == {"mine": tmp_path / "mine.yaml"}
     assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
 
 
 def test_the_studys_mapping_applies_to_rows_that_may_need_one(tmp_path: Path) -> None:
     """It does not apply to rows that name a mapping or a format, nor to files of self-describing formats."""
-    head = "subject\thand\ttask\trole\tfile\tmapping\tformat"
-    rows = ("a a.csv", "b b.c3d own.yaml", "c c.csv - csv", "d d.arrows", "e E.PARQUET")
-    cells = (["01", "right", task, "both", *more] for task, *more in map(str.split, rows))
-    text = "\n".join([head, *("\t".join(row).replace("\t-", "\t") for row in cells)])
-    (tmp_path / "recordings.tsv").write_text(text)
-    (tmp_path / "study.yaml").write_text(
-        "study: s\nrecordings: recordings.tsv\nlayout: arm\nmapping: lab.yaml\nmodels: [rigid]\n"
-    )
-    mappings = [recording.source.mapping for recording in read_study(tmp_path / "study.yaml").recordings]
+    cells = ("a a.csv", "b b.c3d own.yaml", "c c.csv - csv", "d d.arrows", "e E.PARQUET")
+    rows, header = (f"01 right both {row}" for row in cells), "subject hand role task file mapping format"
+    read = read_study(write_study(tmp_path, *rows, header=header, more="mapping: lab.yaml\n"))
+    mappings = [recording.source.mapping for recording in read.recordings]
     assert mappings == [tmp_path / "lab.yaml", tmp_path / "own.yaml", None, None, None]
 
 
@@ -119,17 +110,9 @@ def test_each_correction_that_cannot_be_applied_is_reported(tmp_path: Path) -> N
     assert all(problem.endswith("the row was not applied") for problem in problems)
 
 
-SESSIONS = "subject\tsession\thand\ttask\trole\tfile\ttrial\tevents\tpulses"
-
-
 def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
-    (folder / "recordings.tsv").write_text("\n".join([SESSIONS, *rows]).replace(" ", "\t").replace("-", ""))
-    named = {name: f"{name}.tsv" for name in ("recordings", *sheets)}
-    for name, text in sheets.items():
-        (folder / f"{name}.tsv").write_text(text.replace(" ", "\t"))
-    keys = "".join(f"{name}: {file}\n" for name, file in named.items())
-    (folder / "study.yaml").write_text(f"study: s\nlayout: liberty16\nmodels: [rigid]\n{keys}")
-    return read_study(folder / "study.yaml")
+    header = "subject session hand task role file trial events pulses"
+    return read_study(write_study(folder, *rows, header=header, **sheets))
 
 
 def test_sessions_are_kept_apart(tmp_path: Path) -> None:
@@ -173,15 +156,9 @@ def test_a_row_of_events_must_name_a_single_recording(tmp_path: Path, row: str, 
 
 def study_of_factors(tmp_path: Path, factors: str, participants: str = "group") -> Study:
     rows = "01 1 right scale both a slow", "01 2 right scale both b fast", "02 1 right scale evaluation c n/a"
-    head = "subject session hand task role file condition"
-    text = "\n".join([head, *rows]).replace(" ", "\t")
-    (tmp_path / "recordings.tsv").write_text(text)
-    (tmp_path / "participants.tsv").write_text(f"subject\t{participants}\n01\texpert\n")
-    (tmp_path / "study.yaml").write_text(
-        "study: s\nrecordings: recordings.tsv\nparticipants: participants.tsv\nlayout: liberty16\n"
-        f"models: [rigid]\nfactors: [{factors}]\n"
-    )
-    return read_study(tmp_path / "study.yaml")
+    header, people = "subject session hand task role file condition", f"subject {participants}\n01 expert\n"
+    more = f"factors: [{factors}]\n"
+    return read_study(write_study(tmp_path, *rows, header=header, more=more, participants=people))
 
 
 def test_factor_levels_come_from_either_sheet(tmp_path: Path) -> None:
