@@ -129,20 +129,20 @@ def test_the_skeleton_is_read_back_by_pandas(hand: SimulatedHand, tmp_path: Path
             turn = numbers[[f"{joint.name}_quat_{part}" for part in "wxyz"]].to_numpy()
             off = angle(multiply(conjugate(turn), motion.quaternion[:, index]))
             assert np.degrees(off[motion.known[:, index]]).max() < 1e-6
-    names, angles = bone_angles_deg(motion)
-    assert "index_mcp" in names
-    columns = [f"{name}_{part}" for name in names for part in ("flexion", "abduction", "rotation")]
-    np.testing.assert_allclose(numbers[columns], angles.reshape(len(angles), -1), atol=1e-6)
+    angles_deg = bone_angles_deg(motion)
+    assert "index_mcp" in angles_deg
+    columns = [f"{name}_{part}" for name in angles_deg for part in ("flexion", "abduction", "rotation")]
+    np.testing.assert_allclose(numbers[columns], np.concatenate([*angles_deg.values()], 1), atol=1e-6)
     kinds = channels.groupby(["type", "units"]).size().to_dict()
     assert kinds == {
-        ("JNTANG", "deg"): 3 * len(names), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
+        ("JNTANG", "deg"): 3 * len(angles_deg), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
         ("ORNT", "n/a"): 80, ("POS", "m"): 3 * len(motion.joints),
     }  # fmt: skip
     sidecar = motion_json(skeleton_path(tmp_path, motion))
     counted = [
         sidecar[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")
     ]
-    assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(names), 2, 1]
+    assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(angles_deg), 2, 1]
     assert sidecar["TrackedPointsCount"] == len(motion.joints)
     assert sidecar["SamplingFrequency"] == pytest.approx(240)
     frames = json.loads(next(tmp_path.rglob("*skeleton*_channels.json")).read_text())["reference_frame"][
