@@ -14,10 +14,10 @@ from moving_fingers import blanked
 from program_files import printed_by
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.motion import continuous, stiffen
+from shukotsu.export.motion import stiffen
 from shukotsu.export.opensim import write
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
+from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, continuous, multiply, rotate, unit
 
 READER = Path(__file__).resolve().parents[1] / "export_tools" / "read_with_opensim.py"
 NEAR_M = 1e-9
