@@ -192,8 +192,7 @@ def fitted_skeleton(
     posed_mm = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
     positions = {name: posed_mm.get(name, nowhere) for name in names}
     sd_of_tip = {
-        f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
-        for name, digit in layout.digits.items()
+        f"{name}_tip": worn.get(digit.tip, {}).get("bone_tip_sd_mm") for name, digit in layout.digits.items()
     }
     return _skeleton(hand, positions, _bones(list(positions), chains, wrist), sd_of_tip)
 
@@ -283,17 +282,17 @@ def _skeleton(
     hand: ModelledHand,
     positions: Mapping[str, Array],
     bones: tuple[BoneLine, ...],
-    sd_of_tip: Mapping[str, float],
+    sd_of_tip: Mapping[str, float | None],
 ) -> ShownSkeleton:
     points, joints = tuple(positions), hand.joints
-    sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
+    sd_mm = [sd_of_tip.get(p, joints.get(p, {}).get("sd_mm")) for p in points]
     return ShownSkeleton(
         model=hand.model.name,
         model_index=hand.model_index,
         points=points,
         position_mm=np.stack(list(positions.values()), 1),
         on_receivers=None,
-        sd_mm=np.array(sd),
+        sd_mm=np.array(sd_mm, float),  # NaN for None
         believed=tuple(belief(joints[p]) if p in joints else BELIEVED for p in points),
         bones=bones,
         axes=_axes(hand, points),
@@ -314,7 +313,3 @@ def _axes(hand: ModelledHand, points: tuple[str, ...]) -> tuple[JointAxis, ...]:
         cut_by = side if hand.model.planes.cut and plane.frame != "none" else ""
         axes.append(JointAxis(points.index(joint.name), joint.child, (x, y, z), cut_by, plane.normal))
     return tuple(axes)
-
-
-def _number(value: float | None) -> float:
-    return np.nan if value is None else float(value)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -86,7 +87,7 @@ def recording_page(results: RecordingResults) -> str:
         said=translated(row["message"]) if motion is not None else "",
         trouble=translated(results.trouble),
         left_out={model: translated(reason) for model, reason in results.left_out.items()},
-        to=navigation(results.study, results.recording),
+        **_navigation(results.study, results.recording),
         view=None if motion is None else view_of(title, motion, blocks, header),
         every=1 if motion is None else motion.every,
         angles=angles,
@@ -134,11 +135,10 @@ def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
 
 def _evidence(model: ModelResults) -> Folded:
     """Return a table of each joint's gap, error and singular values in the calibration."""
-    values_of = {row["joint"]: row["singular_values"] or [None] * 6 for row in model.solutions}
+    values_of = {row["joint"]: row["singular_values"] for row in model.solutions}
     singular = [tr("Singular value {n}", n=n) for n in range(1, 7)]
-    nothing = dict.fromkeys(singular)
     rows = [
-        nothing | row | dict(zip(singular, values_of.get(row["joint"], []), strict=False))
+        {**row, **dict(zip(singular, values_of.get(row["joint"]) or [None] * 6, strict=True))}
         for row in model.joints
     ]
     columns = (
@@ -166,18 +166,8 @@ def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> l
     return links
 
 
-@dataclass(frozen=True)
-class Navigation:
-    """Links of a recording's page; other_hand : None if the other hand has no page of the task."""
-
-    study: Link
-    subject: Link
-    other_hand: Link | None
-    others: tuple[Link, ...]
-
-
-def navigation(results: StudyResults, recording: Recording) -> Navigation:
-    """Return the links of a recording's page."""
+def _navigation(results: StudyResults, recording: Recording) -> dict[str, Any]:
+    """Return the links of a recording's page; to_other_hand : None if that has no page of the task."""
     paths, hand = results.paths, recording.hand
     page = paths.recording_page(recording)
     other_hand = replace(hand, hand="left" if hand.hand == "right" else "right")
@@ -187,9 +177,10 @@ def navigation(results: StudyResults, recording: Recording) -> Navigation:
     words = tr("{hand} hand", hand=title(other_hand.hand))
     links = recording_links(results, page, hand.who)
     mine = link("", page, page).href
-    return Navigation(
-        study=link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
-        subject=link(tr("Subject %(name)s") % {"name": hand.who.label}, page, paths.subject_page(*hand.who)),
-        other_hand=None if other is None else link(words, page, paths.recording_page(other)),
-        others=tuple(to for to in links if to.href != mine),
-    )
+    subject = tr("Subject %(name)s") % {"name": hand.who.label}
+    return {
+        "to_study": link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
+        "to_subject": link(subject, page, paths.subject_page(*hand.who)),
+        "to_other_hand": None if other is None else link(words, page, paths.recording_page(other)),
+        "to_others": [to for to in links if to.href != mine],
+    }
