@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -145,8 +146,7 @@ def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
     y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scatter_steps(len(names))]
-    floor = scale.low if scale.kind == "log" else -np.inf
-    axes.plot(np.maximum(np.ravel(x), floor), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
+    axes.plot(np.maximum(np.ravel(x), scale.low), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
 
 
 def models(results: StudyResults) -> tuple[Figure, str]:
@@ -395,11 +395,8 @@ def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
     """Return the look of each level of a factor, or a common look if the only level is an empty string."""
     if (names := list(levels)) == [""]:
         return {"": CurveLook(tr("all subjects"), INK)}
-    colours = level_looks(names)
-    return {
-        name: CurveLook(word(name), colours[name].colour, _STYLES[index % len(_STYLES)])
-        for index, name in enumerate(names)
-    }
+    colours, styled = level_looks(names), zip(names, cycle(_STYLES), strict=False)
+    return {name: CurveLook(word(name), colours[name].colour, style) for name, style in styled}
 
 
 def study_panels(movement: StudyMovement, groups: Mapping[str, str]) -> dict[str, list[Panel]]:
