@@ -5,7 +5,7 @@
 (() => {
 const {abs, ceil, log10, round} = Math;
 const LEFT = 44, RIGHT = 10, TITLE = 20, AXIS = 36; // of a plot, CSS pixels
-const GAP_STEPS = 1.9; // as in print_figures/recording_figures.py: a longer step between frames is a gap
+const GAP_STEPS = 1.9; // as in figures/recording_figures.py: a longer step between frames is a gap
 const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // an error below is noise
 const LEAST_SPAN_DEG = 10;
 const MARK_EVERY = 120; // CSS pixels between the marks of a line
