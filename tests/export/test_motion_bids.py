@@ -34,10 +34,6 @@ def add(motion: PosedRecording, folder: Path) -> tuple[str, ...]:
     return write(motion, folder / DESCRIPTION)
 
 
-def receivers_path(folder: Path, motion: PosedRecording) -> Path:
-    return folder / f"{recording_path(motion.origin.recording)}_motion.tsv"
-
-
 def skeleton_path(folder: Path, motion: PosedRecording) -> Path:
     return folder / f"{recording_path(motion.origin.recording, motion.origin.model)}_motion.tsv"
 
@@ -47,10 +43,6 @@ def table(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     channels = pd.read_csv(beside, sep="\t", keep_default_na=False)
     numbers = pd.read_csv(path, sep="\t", header=None, names=list(channels["name"]), na_values=["n/a"])
     return numbers, channels
-
-
-def motion_json(path: Path) -> dict[str, Any]:
-    return json.loads(path.with_suffix(".json").read_text("utf-8"))
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -138,7 +130,7 @@ def test_the_skeleton_is_read_back_by_pandas(hand: SimulatedHand, tmp_path: Path
         ("JNTANG", "deg"): 3 * len(angles_deg), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
         ("ORNT", "n/a"): 80, ("POS", "m"): 3 * len(motion.joints),
     }  # fmt: skip
-    sidecar = motion_json(skeleton_path(tmp_path, motion))
+    sidecar = json.loads(skeleton_path(tmp_path, motion).with_suffix(".json").read_text("utf-8"))
     counted = [
         sidecar[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")
     ]
@@ -160,7 +152,7 @@ def test_gaps_are_written_as_n_a_in_every_file(tmp_path: Path) -> None:
     gone = [name for name in numbers if name.startswith("index_mcp_")]
     assert np.argwhere(numbers[gone].isna().to_numpy())[:, 0].tolist() == [3] * 7 + [4] * 7
     assert np.flatnonzero(numbers["latency"].isna()).tolist() == [7]
-    receivers, _ = table(receivers_path(tmp_path, motion))
+    receivers, _ = table(tmp_path / f"{recording_path(motion.origin.recording)}_motion.tsv")
     assert receivers.isna().to_numpy().sum() == 7 + 2
     for path in tmp_path.rglob("*_motion.tsv"):
         cells = {cell for line in path.read_text().splitlines() for cell in line.split("\t")}

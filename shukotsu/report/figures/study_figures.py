@@ -114,13 +114,12 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
     names_in_order = sorted((*results.models, PRIOR), key=lambda name: name != first)
     panels = {}
     for each in (judged[metric] for metric in metrics if metric in judged):
-        rows, lines = [], 1
+        rows = []
         for names in alike({name: each.values[name] for name in names_in_order if name in each.values}):
             numbers = each.values[names[0]]
             values = np.array(list(numbers.values()))
             interval, words = paired_difference(values).interval, wrap_text(", ".join(names), ROW_LETTERS)
             rows.append(PanelRow("\n".join(words), looks[names[0]], numbers, float(values.mean()), interval))
-            lines = max(lines, len(words))
         scale = value_scale([value for row in rows for value in row.values()])
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
         shown = listed(row.name.replace("\n", " ") for row in rows)
@@ -135,6 +134,7 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         decimals = QUANTITIES[each.metric].decimals
         drawn = partial(_draw_models, rows=rows, axis=axis, scale=scale, decimals=decimals)
         draw = partial(drawn, of_all=len(results.subjects))
+        lines = 1 + max(row.name.count("\n") for row in rows)
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
