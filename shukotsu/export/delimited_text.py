@@ -14,7 +14,7 @@ from shukotsu.tables.whole_files import replacing
 def write_rows(path: Path, header: str, tables: Iterable[pa.Table], delimiter: str = ",") -> None:
     """Write a header and the rows of Arrow tables atomically.
 
-    Between commas, text is quoted where needed. Between tabs it is never quoted; it must not contain any.
+    CSV has quotes where text needs them. With another delimiter there are none, and no text may need them.
     """
     quoting = "needed" if delimiter == "," else "none"
     options = pc.WriteOptions(include_header=False, delimiter=delimiter, quoting_style=quoting)
