@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.export.motion import continuous
 from shukotsu.hand.posing import Origin, PosedRecording, SkeletonJoint
-from shukotsu.hand.rotations import about_axis, multiply, rotate
+from shukotsu.hand.rotations import about_axis, continuous, multiply, rotate
 from shukotsu.tables.poses import Poses, RecordingName
 
 JOINTS = (

@@ -38,8 +38,7 @@ from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, multiply, turn_angles
 from shukotsu.tables.whole_files import replacing, write_text
 
-ANGLE_DECIMALS = 7
-LENGTH_DECIMALS = 7
+NUMBER = "%.7f"
 CM_PER_MM = 0.1
 
 AT_REST = "_rest"
@@ -70,8 +69,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         world[:, index] = multiply(world[:, index], conjugate(turn))
     local_mm, local = local_motion(replace(motion, quaternion=world))
     moves = np.zeros(len(offset_mm), bool)
-    channels: list[Array] = []
-    formats: list[str] = []
+    channels: list[tuple[Array, str]] = []  # values (T, 3) and their format
     order, left = list[int](), [0]
     while left:  # depth first, the order of a BVH hierarchy
         order.append(left.pop())
@@ -81,14 +79,12 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         moves[index] = not index or np.abs(beyond).max() > MOVES_MM * CM_PER_MM
         if moves[index]:
             if index:  # the joint NAME_rest, which never rotates
-                channels.append(np.zeros_like(beyond))
-                formats += ["%.0f"] * 3
-            channels.append(beyond)
-            formats += [f"%.{LENGTH_DECIMALS}f"] * 3
+                channels.append((np.zeros_like(beyond), "%.0f"))
+            channels.append((beyond, NUMBER))
         if moves[index] or not _is_end(motion, index):
-            channels.append(np.degrees(turn_angles(local[:, index], TURN_AXES)))
-            formats += [f"%.{ANGLE_DECIMALS}f"] * 3
-    numbers, pattern = np.concatenate(channels, 1), " ".join(formats) + "\n"
+            channels.append((np.degrees(turn_angles(local[:, index], TURN_AXES)), NUMBER))
+    numbers = np.concatenate([values for values, _ in channels], 1)
+    pattern = " ".join(number for _, number in channels for _ in range(3)) + "\n"
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(motion, offset_mm * CM_PER_MM, moves))
         stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
@@ -108,7 +104,7 @@ def _is_end(motion: PosedRecording, index: int) -> bool:
 
 def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]:
     def block(head: str, values: Array, channels: str, inner: Sequence[str]) -> list[str]:
-        offset_line = "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
+        offset_line = "OFFSET " + " ".join(NUMBER % value for value in values)
         lines = (offset_line, *([f"CHANNELS {channels}"] if channels else []), *inner)
         return [head, "{", *(f"\t{line}" for line in lines), "}"]
 

@@ -120,17 +120,14 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 def _labels(names: Sequence[str]) -> list[str]:
     """Return labels in ASCII of at most LONGEST_LABEL characters that are unique even if case is ignored."""
-    labels: list[str] = []
-    taken: set[str] = set()
+    labels: dict[str, str] = {}
     for name in names:
-        plain, count = ascii_name(name)[:LONGEST_LABEL], 1
-        label = plain
-        while label.upper() in taken:
-            count += 1
-            label = f"{plain[: LONGEST_LABEL - len(str(count)) - 1]}-{count}"
-        taken.add(label.upper())
-        labels.append(label)
-    return labels
+        label = plain = ascii_name(name)[:LONGEST_LABEL]
+        count = 2
+        while label.upper() in labels:
+            label, count = f"{plain[: LONGEST_LABEL - len(str(count)) - 1]}-{count}", count + 1
+        labels[label.upper()] = label
+    return [*labels.values()]
 
 
 def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:

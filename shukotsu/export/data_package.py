@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.csv as pc
 
 from shukotsu.errors import InputError
+from shukotsu.export.delimited_text import write_rows
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.catalogue import TABLES
 from shukotsu.tables.typed_table import Table, read_row_groups
-from shukotsu.tables.whole_files import file_sha256, replacing, write_text
+from shukotsu.tables.whole_files import file_sha256, write_text
 
 FOLDER = "tables"
 _TYPES = {
@@ -48,15 +48,16 @@ def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
 def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
     """Write one table as CSV, block by block; return its entry in the package."""
     names = [column.name for column in table.columns]
-    with replacing(out) as temporary, temporary.open("wb") as stream:
-        stream.write((",".join(names) + "\n").encode())
-        options = pc.WriteOptions(include_header=False, quoting_style="needed")
+
+    def cells() -> Iterator[pa.Table]:
         for rows in read_row_groups(path, table, names):
             for index, column in enumerate(table.columns):
                 if pa.types.is_nested(column.type):  # arrays become JSON text
-                    cells = [None if c is None else json.dumps(c) for c in rows.column(index).to_pylist()]
-                    rows = rows.set_column(index, column.name, pa.array(cells, pa.string()))
-            pc.write_csv(rows, stream, options)
+                    texts = [None if c is None else json.dumps(c) for c in rows.column(index).to_pylist()]
+                    rows = rows.set_column(index, column.name, pa.array(texts, pa.string()))
+            yield rows
+
+    write_rows(out, ",".join(names) + "\n", cells())
     fields = [
         {
             "name": column.name,

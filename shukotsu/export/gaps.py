@@ -15,9 +15,9 @@ import numpy as np
 
 from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import continuous, require_times
+from shukotsu.export.motion import require_times
 from shukotsu.hand.posing import PosedRecording, known_points
-from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, rotate, unit
+from shukotsu.hand.rotations import about_axis, angle, conjugate, continuous, multiply, rotate, unit
 
 FILLED_FRAMES = 100_000
 """Largest number of frames that are filled: seven minutes at 240 Hz."""
@@ -39,7 +39,8 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     require_times(motion, time_s, "--fps", "resampling")
     if len(time_s) < 2:
         return replace(motion, rate_hz=fps)
-    if (count := _count(time_s, fps)) > FILLED_FRAMES:
+    count = int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
+    if count > FILLED_FRAMES:
         wide = int(np.argmax(np.diff(time_s)))
         raise InputError(
             f"--fps: {fps:g} would make {count_of(count, 'frame')} of {np.ptp(time_s):.0f} s (the "
@@ -64,10 +65,6 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
         f"({fps:g} Hz) over device "
         "time, unfiltered"
     )
-
-
-def _count(time_s: Array, fps: float) -> int:
-    return int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
 
 
 def largest_time_error_s(motion: PosedRecording) -> float:
@@ -110,9 +107,6 @@ def slerp_rotations(first: Array, second: Array, share: Array) -> Array:
     mixed = multiply(first, about_axis(unit(turn[..., 1:]), share * angle(turn)))
     part = share[..., None]
     return np.where(part <= 0, first, np.where(part >= 1, near, mixed))
-
-
-_MOST_LISTED = 10
 
 
 @dataclass(frozen=True)
@@ -187,7 +181,7 @@ def find_gaps(motion: PosedRecording) -> list[Gap]:
     edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
     gaps = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        joint = motion.names[int(np.argmin(motion.take(slice(start, start + 1)).known[0]))]
+        joint = motion.names[int(np.argmin(motion.known[start]))]
         before, after = max(start - 1, 0), min(stop, len(whole) - 1)
         length = float(time_s[after] - time_s[before])
         gaps.append(Gap(int(motion.frame[start]), int(motion.frame[stop - 1]), joint, length))
@@ -236,17 +230,12 @@ def _cut(motion: PosedRecording) -> PosedRecording:
         )
     ends = np.flatnonzero(whole & ~np.append(joined[1:], False)) + 1
     best = int(np.argmax(ends - starts))
-    kept = np.zeros(len(whole), bool)
-    kept[starts[best] : ends[best]] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], kept, [True]]).astype(int)))
-    pairs = zip(motion.frame[edges[::2]], motion.frame[edges[1::2] - 1], strict=True)
-    away = [f"{first}" if first == last else f"{first}-{last}" for first, last in pairs]
-    more = f" and {len(away) - _MOST_LISTED} more" if len(away) > _MOST_LISTED else ""
-    listed = ", ".join(away[:_MOST_LISTED]) + more
-    out = motion.take(kept)
+    out = motion.take(slice(starts[best], ends[best]))
+    removed = [part for part in (motion.frame[: starts[best]], motion.frame[ends[best] :]) if len(part)]
+    away = [f"{part[0]}" if len(part) == 1 else f"{part[0]}-{part[-1]}" for part in removed]
     return out.noting(
         f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} are kept, the longest stretch without a "
-        f"gap ({len(out.frame)} of {len(whole)}); removed: {listed or 'none'}"
+        f"gap ({len(out.frame)} of {len(whole)}); removed: {', '.join(away) or 'none'}"
     )
 
 

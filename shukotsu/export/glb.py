@@ -84,18 +84,14 @@ def bone_mesh(motion: PosedRecording) -> Mesh:
     rest_mm, rest_turn = rest_pose(motion)
     solids = list(_solids(motion))
     first = np.cumsum([0] + [len(solid.position_mm) for solid in solids])
-    triangles = [solid.triangle + start for solid, start in zip(solids, first[:-1], strict=True)]
-
-    def of(nail: bool) -> Index:
-        chosen = [t for t, solid in zip(triangles, solids, strict=True) if solid.nail == nail]
-        return np.concatenate([np.empty((0, 3), np.int64), *chosen])
-
+    triangle = np.concatenate([solid.triangle + at for solid, at in zip(solids, first[:-1], strict=True)])
+    nail = np.concatenate([np.full(len(solid.triangle), solid.nail) for solid in solids])
     return Mesh(
         np.concatenate([rest_mm[s.joint] + rotate(rest_turn[s.joint], s.position_mm) for s in solids]),
         np.concatenate([rotate(rest_turn[s.joint], s.normal) for s in solids]),
         np.concatenate([np.full(len(s.position_mm), s.joint) for s in solids]),
-        of(nail=False),
-        of(nail=True),
+        triangle[~nail],
+        triangle[nail],
     )
 
 

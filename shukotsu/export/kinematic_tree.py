@@ -16,9 +16,6 @@ the
   the axes of its bone; its coordinates are named like the angles.
 - The root rotates about the ground's axes, in the order that keeps its second angle farthest from 90 deg.
 - A bone without a degree of freedom that does not move relative to its parent is welded to it.
-
-Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone; they suffice to build
-a model but not to compute forces.
 """
 
 from __future__ import annotations
@@ -29,7 +26,7 @@ from itertools import permutations
 
 import numpy as np
 
-from shukotsu.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, local_motion, plain_names
+from shukotsu.export.motion import BONE_TO_WEBXR, MOVES_MM, carrier, local_motion, plain_names
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import (
@@ -47,12 +44,6 @@ from shukotsu.hand.rotations import (
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7
 """Rotations below this are treated as zero: they move the end of a 100 mm bone by 10 nm."""
-
-TISSUE_KG_M3 = 1100.0
-_SLENDER = 0.2
-_THINNEST_MM = 6.0
-_SHORTEST_MM = 10.0
-_M_PER_MM = 1e-3
 
 _SIGN = {"right": -1.0, "left": 1.0}
 _ANGLES = ("flexion", "abduction", "rotation")
@@ -119,14 +110,10 @@ def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
     for index, name, body in zip(kept, names, bodies, strict=True):
         joint, turn = motion.joints[index], local[:, index]
         if joint.parent < 0:
-            zero, best = IDENTITY, -1.0
-            for order in permutations(range(3)):  # the ground's axes in the best of their six orders
-                ground = np.eye(3)[list(order)]
-                turned = turn_angles(turn, ground)
-                upright = float(np.abs(np.cos(turned[:, 1])).min())
-                if upright > best:
-                    best, axes, values = upright, ground, turned
-                    labels: tuple[str, ...] = tuple(f"r{'xyz'[number]}" for number in order)
+            orders = {order: turn_angles(turn, np.eye(3)[list(order)]) for order in permutations(range(3))}
+            best = max(orders, key=lambda order: np.abs(np.cos(orders[order][:, 1])).min())
+            zero, axes, values = IDENTITY, np.eye(3)[list(best)], orders[best]
+            labels = tuple(f"r{'xyz'[number]}" for number in best)
         else:
             zero, axes, labels = _frame(motion, index, turn)
             values = turn_angles(multiply(conjugate(zero), turn), axes)
@@ -139,36 +126,6 @@ def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
         parent = places.get(joint.parent, -1)
         forms.append(JointForm(index, name, body, joint.dof, parent, offset, zero, axes, turns, shifts))
     return tuple(forms)
-
-
-@dataclass(frozen=True)
-class Body:
-    """The body that a joint carries, in its bone frame: a bone to each following joint and tip.
-
-    spans_mm : (n, 3), the ends of these bones, except at the origin. length_mm : length of the longest one.
-    mass_kg : its mass. middle_mm : (3,), its centre of mass. inertia_kg_m2 : (3,), about the frame's axes.
-    """
-
-    spans_mm: Array
-    length_mm: float
-    mass_kg: float
-    middle_mm: Array
-    inertia_kg_m2: Array
-
-
-def body_of(motion: PosedRecording, form: JointForm) -> Body:
-    """Return the body that a joint carries."""
-    after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
-    ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
-    lengths = np.linalg.norm(ends_mm, axis=1)
-    spans = ends_mm[lengths > 0]
-    length = max(float(lengths.max(initial=0.0)), _SHORTEST_MM)
-    radius = max(_SLENDER * length, _THINNEST_MM)
-    mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
-    middle = unit(spans.sum(0)) if len(spans) else DISTAL
-    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
-    inertia = np.array([across, across, along]) * _M_PER_MM**2
-    return Body(spans, length, float(mass), middle * length / 2, inertia)
 
 
 def fixed_points(
@@ -232,10 +189,13 @@ def _complete_axes(first: Array, axes: Array) -> Array:
 
 
 def shortest_turn(start: Array, end: Array) -> Array:
-    """Return the smallest rotation (4,) that takes the unit vector `start` (3,) to `end` (3,)."""
+    """Return the smallest rotation (4,) that takes the unit vector `start` (3,) to `end` (3,).
+
+    A rotation of 180 deg is about the axis nearest to x, or to y if `start` is nearly along x.
+    """
     across = np.cross(start, end)
     sine = float(np.linalg.norm(across))
     if sine == 0.0 and start @ end > 0:
         return IDENTITY.copy()
-    axis = across / sine if sine else _complete_axes(start, np.eye(3))[1]
+    axis = across / sine if sine else _complete_axes(start, np.eye(3)[[1, 0, 2]])[1]
     return about_axis(axis, float(np.arctan2(sine, start @ end)))

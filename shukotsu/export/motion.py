@@ -37,7 +37,7 @@ from shukotsu.errors import InputError
 from shukotsu.hand.neutral_bones import at_rest
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import PosedRecording, rigid_positions
-from shukotsu.hand.rotations import conjugate, from_matrix, multiply, rotate
+from shukotsu.hand.rotations import conjugate, continuous, from_matrix, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
@@ -235,10 +235,10 @@ def with_unmeasured_at_rest(motion: PosedRecording) -> PosedRecording:
     return posed.noting(f"not measured and therefore at rest in this file: {names}")
 
 
-def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRecording]:
-    """Yield the motion in blocks of `size` frames."""
-    for start in range(0, len(motion.frame), size):
-        yield motion.take(slice(start, start + size))
+def blocks(motion: PosedRecording) -> Iterator[PosedRecording]:
+    """Yield the motion in blocks of BLOCK_FRAMES frames."""
+    for start in range(0, len(motion.frame), BLOCK_FRAMES):
+        yield motion.take(slice(start, start + BLOCK_FRAMES))
 
 
 def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
@@ -249,24 +249,19 @@ def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
     return above, offset_mm
 
 
-def with_receivers(motion: PosedRecording, kept: Bools) -> PosedRecording:
-    """Return the motion with only the selected receivers (R,)."""
-    there = motion.receivers
-    segments = tuple(np.array(there.segments, object)[kept])
-    arrays = (there.position_mm[:, kept], there.quaternion[:, kept], there.valid[:, kept])
-    return replace(motion, receivers=Poses(segments, there.frame, there.time_s, *arrays))
-
-
 def with_seen_receivers(motion: PosedRecording) -> tuple[PosedRecording, tuple[str, ...]]:
     """Remove receivers without a pose in any frame; return the motion and a sentence on them, if any.
 
     A layout may contain receivers that were not worn, such as the forearm's.
     """
-    seen = np.asarray(motion.receivers.valid.any(0))
+    there = motion.receivers
+    seen, segments = there.valid.any(0), np.array(there.segments, object)
     if seen.all():
         return motion, ()
-    absent = ", ".join(np.array(motion.receivers.segments, object)[~seen])
-    return with_receivers(motion, seen), (f"receivers that have no pose in any frame: {absent}",)
+    arrays = (there.position_mm[:, seen], there.quaternion[:, seen], there.valid[:, seen])
+    worn = Poses(tuple(segments[seen]), there.frame, there.time_s, *arrays)
+    absent = ", ".join(segments[~seen])
+    return replace(motion, receivers=worn), (f"receivers that have no pose in any frame: {absent}",)
 
 
 def local_motion(motion: PosedRecording) -> tuple[Array, Array]:
@@ -309,22 +304,6 @@ def stiffen(motion: PosedRecording) -> PosedRecording:
             f"rms {np.sqrt(np.nanmean(moved_mm**2)):.3f} mm"
         )
     return replace(motion, position_mm=position).noting(note)
-
-
-def continuous(quaternion: Array) -> Array:
-    """Return quaternions (T, N, 4) with signs that put successive known ones, as 4-vectors, within 90 deg.
-
-    The first known quaternion of each of the N series has w >= 0. NaN stays.
-    """
-    out = quaternion.copy()
-    for index in range(quaternion.shape[1]):
-        finite = np.isfinite(quaternion[:, index]).all(-1)
-        if finite.any():
-            series = quaternion[finite, index]
-            start = -1.0 if series[0, 0] < 0 else 1.0
-            turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
-            out[finite, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
-    return out
 
 
 def require_whole(motion: PosedRecording, path: Path, name: str) -> None:

@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.csv as pa_csv
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
+from shukotsu.export.delimited_text import write_rows
 from shukotsu.export.motion import (
     ALONE_HZ,
     BONE_FRAME,
@@ -38,7 +38,7 @@ from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables import limits
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.text_files import read_text
-from shukotsu.tables.whole_files import replacing, write_text
+from shukotsu.tables.whole_files import write_text
 
 DESCRIPTION, PARTICIPANTS = "dataset_description.json", "participants.tsv"
 BEFORE_DESCRIPTION = ("README", PARTICIPANTS, "participants.json")
@@ -182,11 +182,11 @@ def _write_system(
     write_text(folder / f"{stem}_channels.tsv", tsv_text([list(rows[0]), *(row.values() for row in rows)]))
     write_text(folder / f"{stem}_channels.json", json_text({"reference_frame": frames}))
     write_text(folder / f"{stem}_motion.json", json_text(motion_json))
-    options = pa_csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
-    with replacing(folder / f"{stem}_motion.tsv") as temporary, temporary.open("wb") as stream:
-        for part in blocks(motion):
-            texts = [pc.cast(channel.values, pa.string()).fill_null("n/a") for channel in channels(part)]
-            pa_csv.write_csv(pa.table(texts, [str(i) for i in range(len(texts))]), stream, options)
+    tables = (
+        pa.table({c.name: pc.cast(c.values, pa.string()).fill_null("n/a") for c in channels(part)})
+        for part in blocks(motion)
+    )
+    write_rows(folder / f"{stem}_motion.tsv", "", tables, "\t")
 
 
 def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
@@ -233,10 +233,9 @@ def _skeleton_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
         yield from _numbers(joint.name, "POS", end if joint.tip else "joint", motion.position_mm[:, index])
         if not joint.tip:
             yield from _numbers(joint.name, "ORNT", "bone", motion.quaternion[:, index])
-    names, angles_deg = bone_angles_deg(motion)
-    for index, joint_name in enumerate(names):
+    for joint_name, angles_deg in bone_angles_deg(motion).items():
         signed = "joint, with the signs stated in reference_frame"
-        yield from _numbers(joint_name, "JNTANG", signed, angles_deg[:, index])
+        yield from _numbers(joint_name, "JNTANG", signed, angles_deg)
 
 
 def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[MotionChannel]:
@@ -252,15 +251,6 @@ def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Motion
         numbers = pa.array(column, from_pandas=True)
         described = text.format(what, name if kind == "JNTANG" else part)
         yield MotionChannel(numbers, f"{point}_{name}", part, kind, point, unit, described)
-
-
-def check_folder(folder: Path) -> None:
-    """Raise InputError if a folder to write to is a file, or contains files but no dataset."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; expected a folder for the dataset")
-    others = [path for path in folder.glob("[!.]*") if path.name not in BEFORE_DESCRIPTION]
-    if others and not (folder / DESCRIPTION).is_file():
-        raise InputError(f"{folder}: contains files but no {DESCRIPTION}; expected a new folder or a dataset")
 
 
 def tsv_text(rows: Iterable[Iterable[object]]) -> str:
@@ -280,9 +270,13 @@ def write_dataset_files(
     """Write or replace the files that describe a whole dataset.
 
     participants : further columns of participants.tsv by subject; None if unknown. Raises InputError if the
-    folder contains something other than a dataset.
+    folder is a file, or contains files but no dataset.
     """
-    check_folder(folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; expected a folder for the dataset")
+    others = [path for path in folder.glob("[!.]*") if path.name not in BEFORE_DESCRIPTION]
+    if others and not (folder / DESCRIPTION).is_file():
+        raise InputError(f"{folder}: contains files but no {DESCRIPTION}; expected a new folder or a dataset")
     columns = dict.fromkeys(column for values in participants.values() for column in values)
     more = [column for column in columns if column not in ("participant_id", "name")]
     rows = [
@@ -302,7 +296,6 @@ def write_dataset_files(
 
 def add_participant(folder: Path, subject: str, licence: str = "") -> None:
     """Add a subject to a dataset if it is missing; a folder without a dataset gets one with this subject."""
-    check_folder(folder)
     path = folder / PARTICIPANTS
     if not (folder / DESCRIPTION).is_file():
         write_dataset_files(folder, folder.resolve().name, {subject: {}}, licence)

@@ -19,28 +19,21 @@ header, with no more digits than needed.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as pc
 
 from shukotsu.arrays import Array, Bools
 from shukotsu.errors import count_of
-from shukotsu.export.kinematic_tree import (
-    Body,
-    JointForm,
-    body_of,
-    fixed_points,
-    joint_forms,
-    shortest_turn,
-)
+from shukotsu.export.delimited_text import write_rows
+from shukotsu.export.kinematic_tree import JointForm, fixed_points, joint_forms, shortest_turn
 from shukotsu.export.motion import (
     ALONE_HZ,
     BLOCK_FRAMES,
+    DISTAL,
     carrier,
     facts_text,
     plain_names,
@@ -48,10 +41,10 @@ from shukotsu.export.motion import (
     require_whole,
 )
 from shukotsu.hand.posing import Origin, PosedRecording, known_points
-from shukotsu.hand.rotations import body_fixed_rad, conjugate, matrix, mean_rotation, multiply, rotate
+from shukotsu.hand.rotations import body_fixed_rad, conjugate, matrix, mean_rotation, multiply, rotate, unit
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.poses import Poses
-from shukotsu.tables.whole_files import replacing, write_text
+from shukotsu.tables.whole_files import write_text
 
 ARM_MM = 10.0
 POINTS_MM = np.vstack([np.zeros(3), ARM_MM * np.eye(3)])
@@ -112,12 +105,16 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
 XML_VERSION = "40600"
 """Version of the XML format, that of OpenSim 4.6, which later versions can read."""
 
-GRAVITY = (0.0, -9.80665, 0.0)
 _ROOM_DEG = 30.0
 _ROOM_MM = 10.0
 _BONE_COLOUR = "0.94 0.89 0.78"
 _JOINT_COLOUR = "0.55 0.60 0.68"
 _RANGE_STEP_DEG = 10.0
+
+TISSUE_KG_M3 = 1100.0
+_SLENDER = 0.2
+_THINNEST_MM = 6.0
+_SHORTEST_MM = 10.0
 
 _M_PER_MM = 1e-3
 _Y = np.array([0.0, 1.0, 0.0])
@@ -129,13 +126,12 @@ def model_xml(
     receivers: Sequence[Triad],
     title: str,
     credit: str,
-    publications: str,
     held: Mapping[str, float],
 ) -> str:
     """Return the text of a model file.
 
-    title : the model's name, in ASCII. credit, publications : text in any script. held : values, rad or mm,
-    of the coordinates to lock.
+    title : the model's name, in ASCII. credit : text in any script. held : values, rad or mm, of the
+    coordinates to lock.
     """
     document = ET.Element("OpenSimDocument", Version=XML_VERSION)
     model = add(
@@ -143,17 +139,17 @@ def model_xml(
         "Model",
         title,
         credits=clean(credit),
-        publications=clean(publications),
+        publications=PUBLICATIONS,
         length_units="meters",
         force_units="N",
-        gravity=numbers(GRAVITY),
+        gravity=numbers((0.0, -9.80665, 0.0)),
     )
     bodies, joints, markers = (
         ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
         for kind in ("BodySet", "JointSet", "MarkerSet")
     )
     for form in forms:
-        _add_body(bodies, form, body_of(motion, form))
+        _add_body(bodies, motion, form)
         _add_joint(joints, forms, form, held)
     for triad in receivers:
         for name, at_mm in zip(triad.markers, triad.local_mm, strict=True):
@@ -197,19 +193,32 @@ def clean(text: str) -> str:
     return "".join(c if c in "\n\t" or (c.isprintable() or c == " ") else "?" for c in text)
 
 
-def _add_body(parent: ET.Element, form: JointForm, solid: Body) -> None:
+def _add_body(parent: ET.Element, motion: PosedRecording, form: JointForm) -> None:
+    """Add the body that a joint carries: a bone to each following joint and tip that is not at the origin.
+
+    Mass and inertia are those of a cylinder of soft tissue as long as the longest of these bones.
+    """
+    after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
+    ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
+    spans_mm = ends_mm[np.linalg.norm(ends_mm, axis=1) > 0]
     body = ET.SubElement(parent, "Body", name=form.body)
-    components = ET.SubElement(body, "components") if len(solid.spans_mm) else body
-    for number, span in enumerate(solid.spans_mm, 1):  # cylinders to the next joints; OpenSim's are along Y
+    components = ET.SubElement(body, "components") if len(spans_mm) else body
+    for number, span in enumerate(spans_mm, 1):  # cylinders to the next joints; OpenSim's are along Y
         length = float(np.linalg.norm(span))
         frame = ET.SubElement(components, "PhysicalOffsetFrame", name=f"bone{number}")
         size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
         _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
         turn = body_fixed_rad(matrix(shortest_turn(_Y, span / length)))
         fill(frame, socket_parent="..", translation=metres(span / 2), orientation=numbers(turn))
-    _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=metres(0.06 * solid.length_mm))
-    inertia = " ".join(f"{value:.9g}" for value in (*solid.inertia_kg_m2, 0, 0, 0))
-    fill(body, mass=numbers([solid.mass_kg]), mass_center=metres(solid.middle_mm), inertia=inertia)
+    length = max(float(np.linalg.norm(spans_mm, axis=1).max(initial=0.0)), _SHORTEST_MM)
+    _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=metres(0.06 * length))
+    radius = max(_SLENDER * length, _THINNEST_MM)
+    mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
+    middle = unit(spans_mm.sum(0)) if len(spans_mm) else DISTAL
+    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
+    moments = np.array([across, across, along]) * _M_PER_MM**2
+    inertia = " ".join(f"{value:.9g}" for value in (*moments, 0, 0, 0))
+    fill(body, mass=numbers([mass]), mass_center=metres(middle * length / 2), inertia=inertia)
 
 
 def _add_shape(parent: ET.Element, kind: str, name: str, colour: str, **size: str) -> None:
@@ -306,15 +315,17 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
         "endheader",
         "\t".join(names),
     ]
-    with replacing(path) as temporary, temporary.open("wb") as stream:
-        stream.write(("\n".join(header) + "\n").encode())
+
+    def tables() -> Iterator[pa.Table]:
         for start in range(0, len(time_s), BLOCK_FRAMES):
             rows = slice(start, start + BLOCK_FRAMES)
             columns = [time_s[rows]]
             for form in forms:
                 columns += [np.degrees(c.values[rows]).round(_ANGLE_DECIMALS) for c in form.turns]
-                columns += [(c.values[rows] * 1e-3).round(_METRE_DECIMALS) for c in form.shifts]
-            _write_rows(stream, [pa.array(column + 0.0) for column in columns])
+                columns += [(c.values[rows] * _M_PER_MM).round(_METRE_DECIMALS) for c in form.shifts]
+            yield pa.table([pa.array(column + 0.0) for column in columns], names)
+
+    write_rows(path, "\n".join(header) + "\n", tables(), "\t")
 
 
 def write_trc(
@@ -338,8 +349,8 @@ def write_trc(
         "",
     ]
     number = np.cumsum(seen)
-    with replacing(path) as temporary, temporary.open("wb") as stream:
-        stream.write(("\n".join(lines) + "\n").encode("ascii"))
+
+    def tables() -> Iterator[pa.Table]:
         for start in range(0, len(seen), BLOCK_FRAMES):
             rows = slice(start, start + BLOCK_FRAMES)
             kept, part = seen[rows], motion.take(rows).receivers
@@ -347,7 +358,10 @@ def write_trc(
             for triad in receivers:
                 flat = triad.measured_mm(part)[kept].round(_MM_DECIMALS) + 0.0
                 columns += [pa.array(column, from_pandas=True) for column in flat.T]
-            _write_rows(stream, [*columns, pa.nulls(int(kept.sum()), pa.float64())])
+            columns.append(pa.nulls(int(kept.sum()), pa.float64()))
+            yield pa.table(columns, [str(number) for number in range(len(columns))])
+
+    write_rows(path, "\n".join(lines) + "\n", tables(), "\t")
 
 
 def seen_frames(motion: PosedRecording, receivers: Sequence[Triad]) -> Bools:
@@ -356,18 +370,11 @@ def seen_frames(motion: PosedRecording, receivers: Sequence[Triad]) -> Bools:
     return np.asarray(valid[:, [triad.receiver for triad in receivers]].any(1))
 
 
-def _write_rows(stream: BinaryIO, columns: Sequence[pa.Array]) -> None:
-    table = pa.table(list(columns), names=[str(number) for number in range(len(columns))])
-    options = pc.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
-    pc.write_csv(table, stream, options)
-
-
 NOMINAL = "masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone"
 PUBLICATIONS = (
     "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
     "Capture Data. Joint angles: Wu et al. 2005, J Biomech 38:981."
 )
-_ACCURACY = 1e-8
 _STEEP_DEG = 85.0
 _NOTABLE_MM = 1e-3
 
@@ -390,7 +397,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     title = plain_names([path.stem])[0]
     credit = facts_text(motion, "m", "y", remarks)
     for file, locked in ((path, {}), (path.with_name(f"{path.stem}_ik.osim"), held)):
-        write_text(file, model_xml(motion, forms, receivers, title, credit, PUBLICATIONS, locked))
+        write_text(file, model_xml(motion, forms, receivers, title, credit, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
     write_trc(path.with_suffix(".trc"), title, time_s, motion, receivers)
     write_text(
@@ -429,7 +436,7 @@ def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad])
         output_motion_file=path.with_name(f"{path.stem}_ik.mot").name,
         results_directory=".",
         constraint_weight="Inf",
-        accuracy=f"{_ACCURACY:g}",
+        accuracy="1e-08",
     )
     tasks = ET.SubElement(ET.SubElement(tool, "IKTaskSet"), "objects")
     for name in (marker for triad in receivers for marker in triad.markers):

@@ -43,7 +43,7 @@ class ExportSettings:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of an export; `settings_of` reads those of `add_motion_options`."""
+    """Add the options of an export; `settings_of` reads those that state how to prepare a motion."""
     where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
     parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
     add = parser.add_argument
@@ -54,12 +54,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--formats", required=True, metavar="NAMES", help="formats from the list above, separated by commas")
     add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
     add("--participants", type=Path, metavar="SHEET", help="the study's participants sheet, for bids")
-    add_motion_options(parser)
-
-
-def add_motion_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that state how to prepare a motion; `settings_of` reads them."""
-    add = parser.add_argument
     add("--licence", default="", help="the terms of use to state in every file")
     add("--fps", type=_positive, help="frames per second to resample to (default: as recorded)")
     add("--frames", type=_frames, default=(None, None), metavar="A:B", help="recorded frame numbers")
@@ -79,7 +73,7 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
 
 
 def settings_of(arguments: argparse.Namespace) -> ExportSettings:
-    """Return the settings from the options of `add_motion_options`."""
+    """Return the settings from the options of `add_options`."""
     options = vars(arguments) | {"stiff": arguments.bones == "stiff"}
     return ExportSettings(**{field.name: options[field.name] for field in fields(ExportSettings)})
 
@@ -106,7 +100,7 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
 
     holds_gaps : whether the format can represent a frame without a pose; if so, `refuse` keeps gaps (NaN). up
     : y or z, the axis of the file that points up, or empty for the transmitter's frame. Lengths stay in mm.
-    Raises InputError if a step is impossible or a bone has no length.
+    Raises InputError if a step is impossible.
     """
     from shukotsu.export.gaps import close_gaps, resample_evenly
     from shukotsu.export.motion import stiffen, with_unmeasured_at_rest
@@ -128,12 +122,6 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
         motion = on_rig(motion, settings.rig)
     if settings.stiff:
         motion = stiffen(motion)
-    for joint, offset in zip(motion.joints, motion.rest_offset_mm, strict=True):
-        if joint.parent > 0 and not offset @ offset > 0:
-            raise InputError(
-                f"{motion.origin.recording.of_hand}: the bone from {motion.names[joint.parent]} to "
-                f"{joint.name} has no length; look at its joints' status"
-            )
     if not up:
         return motion
     turn = upright(settings.transmitter_up, up)
@@ -148,14 +136,10 @@ def upright(transmitter_up: str, up: str) -> Array:
     """
     import numpy as np
 
-    from shukotsu.hand.rotations import about_axis
+    from shukotsu.export.kinematic_tree import shortest_turn
 
     signed = dict(zip(DIRECTIONS, np.concatenate([np.eye(3), -np.eye(3)]), strict=True))
-    start, end = signed[transmitter_up], signed[up]
-    axis = np.cross(start, end)
-    if axis.any():
-        return about_axis(axis, np.pi / 2)
-    return about_axis(signed["x"], np.pi if start @ end < 0 else 0.0)
+    return shortest_turn(signed[transmitter_up], signed[up])
 
 
 @dataclass(frozen=True)
@@ -179,8 +163,6 @@ class ExportFormat:
     shared
         For a format with one set of files for all recordings, the path of its main file in the output folder;
         else empty.
-    holds_receivers
-        Whether its files contain receivers.
 
     """
 
@@ -191,7 +173,6 @@ class ExportFormat:
     drops: str
     holds_gaps: bool = False
     shared: str = ""
-    holds_receivers: bool = False
 
     @property
     def writers(self) -> Any:
@@ -228,13 +209,7 @@ def write_format(motion: PosedRecording, settings: ExportSettings, name: str, pa
     Returns notes on what was done to it and what the file lacks. Raises InputError if the motion cannot be
     prepared or written.
     """
-    import numpy as np
-
-    from shukotsu.export.motion import with_receivers
-
     chosen = FORMATS[name]
-    if not chosen.holds_receivers:
-        motion = with_receivers(motion, np.zeros(len(motion.receivers.segments), bool))
     ready = prepare(motion, settings, holds_gaps=chosen.holds_gaps, up=chosen.up)
     dropped = chosen.writers.write(ready, path)
     return (*ready.notes[len(motion.notes) :], f"not in the file: {chosen.drops}", *dropped)

@@ -15,7 +15,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
-from shukotsu.hand.rotations import Array, multiply, rotate
+from shukotsu.hand.rotations import multiply, rotate
 from shukotsu.study.config_files import export_constants
 
 FINGERS = ("index", "middle", "ring", "little")
@@ -112,41 +112,25 @@ def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecord
     becomes part of its children's motion. The axis (NaN) and degrees of freedom (0) of the children are then
     unknown. The root cannot be removed.
     """
-    gone = {i for i, joint in enumerate(motion.joints) if joint.name in lacking}
-    if not gone:
+    gone = np.array([joint.name in lacking for joint in motion.joints])
+    if not gone.any():
         return motion
-    assert 0 not in gone, "a skeleton needs its root"
-    kept = [i for i in range(len(motion.joints)) if i not in gone]
-    new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
-    orphans = np.array([motion.joints[i].parent in gone for i in kept])
-    hung = [_hung(motion, i, gone) for i in kept]
-    joints = [
-        replace(motion.joints[i], parent=new_index[above]) for i, (above, *_) in zip(kept, hung, strict=True)
-    ]
-    names = ", ".join(motion.names[i] for i in sorted(gone))
-    return replace(
-        motion,
-        joints=tuple(replace(j, dof=0) if orphan else j for j, orphan in zip(joints, orphans, strict=True)),
-        rest_offset_mm=np.stack([offset for _, offset, _, _ in hung]),
-        rest=np.stack([rest for _, _, rest, _ in hung]),
-        neutral=np.stack([neutral for _, _, _, neutral in hung]),
-        axis=np.where(orphans[:, None], np.nan, motion.axis[kept]),
-        position_mm=motion.position_mm[:, kept],
-        quaternion=motion.quaternion[:, kept],
-    ).noting(f"{names} merged into the bones after them")
-
-
-def _hung(motion: PosedRecording, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:
-    """Return a joint's nearest remaining ancestor, and in its frame the offset, rest and neutral rotation.
-
-    For a removed bone between them that has no neutral rotation, its rest rotation is used.
-    """
-    offset, rest = motion.rest_offset_mm[index], motion.rest[index]
-    neutral, above = motion.neutral[index], motion.joints[index].parent
-    while above in gone:
-        own_rest, own_neutral = motion.rest[above], motion.neutral[above]
-        offset = motion.rest_offset_mm[above] + rotate(own_rest, offset)
-        rest = multiply(own_rest, rest)
-        neutral = multiply(own_neutral if np.isfinite(own_neutral).all() else own_rest, neutral)
-        above = motion.joints[above].parent
-    return above, offset, rest, neutral
+    assert not gone[0], "a skeleton needs its root"
+    joints, axis = list(motion.joints), motion.axis.copy()
+    offset_mm, rest, neutral = motion.rest_offset_mm.copy(), motion.rest.copy(), motion.neutral.copy()
+    unknown = gone & np.isnan(neutral).any(1)  # of these the rest rotation takes part
+    neutral[unknown] = rest[unknown]
+    for index, joint in enumerate(joints):
+        above = joint.parent
+        if above >= 0 and gone[above]:  # hung from the removed joint's parent, which comes before both
+            joints[index] = replace(joint, parent=joints[above].parent, dof=0)
+            offset_mm[index] = offset_mm[above] + rotate(rest[above], offset_mm[index])
+            rest[index] = multiply(rest[above], rest[index])
+            neutral[index] = multiply(neutral[above], neutral[index])
+            axis[index] = np.nan
+    kept = np.flatnonzero(~gone).tolist()
+    folded = replace(motion, joints=tuple(joints), rest_offset_mm=offset_mm, axis=axis).only(kept)
+    names = ", ".join(np.array(motion.names, object)[gone])
+    return replace(folded, rest=rest[kept], neutral=neutral[kept]).noting(
+        f"{names} merged into the bones after them"
+    )

@@ -7,20 +7,20 @@ Empty cells are gaps. Positions are in mm in the transmitter's frame, rounded to
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as pc
 
+from shukotsu.export.delimited_text import write_rows
 from shukotsu.export.motion import BONE_TO_WEBXR, blocks, facts
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, multiply
 from shukotsu.tables.poses import NUMBERS
-from shukotsu.tables.whole_files import replacing, write_text
+from shukotsu.tables.whole_files import write_text
 
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
 _MEANING = {
@@ -47,10 +47,12 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         path, motion, motion.names, NUMBERS,
         lambda block: np.concatenate([block.position_mm.round(6), block.quaternion.round(9)], -1),
     )  # fmt: skip
-    names, _ = bone_angles_deg(motion.take(slice(0)))
-    if names:
+    if names := tuple(bone_angles_deg(motion.take(slice(0)))):
         angles = path.with_name(f"{path.stem}_angles.csv")
-        _write_long(angles, motion, names, _ANGLES, lambda block: bone_angles_deg(block)[1].round(6))
+        _write_long(
+            angles, motion, names, _ANGLES,
+            lambda block: np.stack([*bone_angles_deg(block).values()], 1).round(6),
+        )  # fmt: skip
     tree = {joint.name: motion.names[joint.parent] for joint in motion.joints[1:]}
     rest = {
         name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
@@ -60,18 +62,15 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     return ()
 
 
-def bone_angles_deg(motion: PosedRecording) -> tuple[tuple[str, ...], Array]:
-    """Return the names of joints of known anatomy, and flexion, deviation and rotation (T, N, 3), deg."""
-    turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
+def bone_angles_deg(motion: PosedRecording) -> dict[str, Array]:
+    """Return flexion, deviation and rotation (T, 3), deg, of each joint of known anatomy."""
+    hand, turn = motion.hand, multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
     rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
-    indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
-    hand = motion.hand
-    columns = [
-        joint_angles(turn[:, joint.parent], turn[:, i], hand, rests[i], angle_axes(joint, hand))
-        for i, joint in ((i, motion.joints[i]) for i in indices)
-    ]
-    angles = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
-    return tuple(motion.names[i] for i in indices), angles
+    return {
+        joint.name: joint_angles(turn[:, joint.parent], turn[:, i], hand, rests[i], angle_axes(joint, hand))
+        for i, joint in enumerate(motion.joints)
+        if not joint.tip and np.isfinite(rests[i]).all()
+    }
 
 
 def _write_long(
@@ -85,9 +84,8 @@ def _write_long(
 
     values : function that returns the (n, N, columns) values of a block of n frames.
     """
-    with replacing(path) as temporary, temporary.open("wb") as stream:
-        options = pc.WriteOptions(include_header=False, quoting_style="needed")
-        stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
+
+    def tables() -> Iterator[pa.Table]:
         for block in blocks(motion):
             count = len(block.frame)
             flat = values(block).reshape(count * len(joints), -1)
@@ -97,4 +95,6 @@ def _write_long(
                 "joint": pa.array(joints).take(pa.array(np.tile(np.arange(len(joints)), count))),
             }
             cells |= {name: pa.array(flat[:, i], from_pandas=True) for i, name in enumerate(columns)}
-            pc.write_csv(pa.table(cells), stream, options)
+            yield pa.table(cells)
+
+    write_rows(path, ",".join(("frame", "time_s", "joint", *columns)) + "\n", tables())

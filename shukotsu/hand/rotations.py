@@ -396,6 +396,31 @@ def body_fixed_rad(rotation: Float[Array, "*n 3 3"]) -> Float[Array, "*n 3"]:
     return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
 
 
+def continuous(quaternion: Float[Array, "T n 4"]) -> Float[Array, "T n 4"]:
+    """Choose signs that put successive known quaternions of a series, as 4-vectors, within 90 deg.
+
+    Parameters
+    ----------
+    quaternion : array, shape (T, N, 4)
+        N series of unit quaternions (w, x, y, z), NaN in gaps.
+
+    Returns
+    -------
+    array, shape (T, N, 4)
+        The same rotations; the first known quaternion of each series has w >= 0.
+
+    """
+    out = quaternion.copy()
+    for index in range(quaternion.shape[1]):
+        finite = np.isfinite(quaternion[:, index]).all(-1)
+        if finite.any():
+            series = quaternion[finite, index]
+            start = -1.0 if series[0, 0] < 0 else 1.0
+            turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
+            out[finite, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
+    return out
+
+
 def continuous_angles(angles_rad: Float[Array, "T *n 3"]) -> Float[Array, "T *n 3"]:
     """Make angles of rotations about three axes at right angles continuous over time.
 

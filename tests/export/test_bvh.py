@@ -72,10 +72,6 @@ def read_with(program: str, export_tool: ExportTool, file: Path) -> Any:
     return json.loads(out.read_text("utf-8"))
 
 
-def ends_of(joints: Any) -> dict[str, str]:
-    return {joints[joint.parent].name: joint.name for joint in joints if joint.tip}
-
-
 @pytest.mark.tools
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 @pytest.mark.parametrize("program", ["three", "blender"])
@@ -88,7 +84,7 @@ def test_other_programs_read_every_joint_at_its_position(
     write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
     expected = prepare(motion, settings, holds_gaps=False, up="y")
     content = read_with(program, export_tool, tmp_path / "motion.bvh")
-    tips = ends_of(expected.joints)
+    tips = {expected.names[joint.parent]: joint.name for joint in expected.joints if joint.tip}
     series = content["joints"] | {
         tips[name]: end for name, end in content["ends"].items() if name in tips and end
     }

@@ -25,16 +25,6 @@ def run(hand: SimulatedHand, out: Path, *argv: str, model: str = FITTED) -> int:
     return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
 
 
-def hand_with_a_gap(folder: Path) -> SimulatedHand:
-    hand = simulated_hand(folder, "right", 40)
-    rows = hand.rows(FITTED, BONE_POSES)
-    for row in rows:
-        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
-            row |= dict.fromkeys(NUMBERS)
-    hand.write(FITTED, BONE_POSES, rows)
-    return hand
-
-
 def test_joints_beyond_the_last_receiver_rest_and_are_noted(fresh: SimulatedHand, tmp_path: Path) -> None:
     for table, key, name in ((BONE_POSES, "segment", "little_distal"), (POSED_TIPS, "digit", "little")):
         rows = fresh.rows(FITTED, table)
@@ -80,14 +70,18 @@ def test_axis_rig_and_stiff_bones_show_in_the_exported_files(
     assert "merged into the bones after them" in capsys.readouterr().err
 
 
-def test_a_gap_is_refused_by_bvh_and_kept_by_csv(tmp_path: Path) -> None:
-    hand = hand_with_a_gap(tmp_path)
+def test_a_gap_is_refused_by_bvh_and_kept_by_csv(fresh: SimulatedHand, tmp_path: Path) -> None:
+    rows = fresh.rows(FITTED, BONE_POSES)
+    for row in rows:
+        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
+            row |= dict.fromkeys(NUMBERS)
+    fresh.write(FITTED, BONE_POSES, rows)
     out = tmp_path / "out"
-    assert run(hand, out) == 2
+    assert run(fresh, out) == 2
     assert not list(out.glob("*.bvh*"))
     cells = pd.read_csv(out / f"{STEM}.csv")
     assert cells["x_mm"].isna().sum() == 4
-    assert run(hand, out, "--gaps", "interpolate") == 0
+    assert run(fresh, out, "--gaps", "interpolate") == 0
     assert not pd.read_csv(out / f"{STEM}.csv")["x_mm"].isna().any()
     assert "\nFrames: 40\n" in (out / f"{STEM}.bvh").read_text()
     assert "1 gap (4 frames" in (out / f"{STEM}.bvh.txt").read_text("utf-8")

@@ -19,10 +19,6 @@ from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, unit
 MCP, TIP = 2, 3
 
 
-def turned_apart_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return np.degrees(angle(multiply(conjugate(first), second)))
-
-
 def test_a_gap_is_refused_with_its_frames_and_the_options() -> None:
     motion = blanked(blanked(moving_fingers(50), np.s_[10:13, MCP]), np.s_[30:31, 0])
     with pytest.raises(InputError) as refused:
@@ -39,7 +35,7 @@ def test_a_held_gap_keeps_the_posture_while_the_hand_moves() -> None:
     motion = moving_fingers(50)
     held = close_gaps(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)
     (local_mm, local), (before_mm, before) = local_motion(held), local_motion(motion)
-    assert turned_apart_deg(local[9:20, MCP], before[9:10, MCP]).max() < 1e-6
+    assert np.degrees(angle(multiply(conjugate(local[9:20, MCP]), before[9:10, MCP]))).max() < 1e-6
     np.testing.assert_allclose(local_mm[9:20, MCP], before_mm[9:10, MCP].repeat(11, 0), atol=1e-9)
     assert np.linalg.norm(held.position_mm[19, MCP] - held.position_mm[9, MCP]) > 1, (
         "but it moves in the transmitter frame"

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import watched
 from guide_pages import blocks
 from moving_fingers import moving_fingers
 from program_files import printed_by
@@ -157,31 +158,19 @@ def test_blenders_fbx_has_every_joint(hand: SimulatedHand, tmp_path: Path, expor
     assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][name], motion, 1e-4)
 
 
-def complaints(page: Any) -> list[str]:
-    """Return a list that will collect the page's errors, warnings, and failed or external requests."""
-    heard: list[str] = []
-    page.on("console", lambda m: heard.append(m.text) if m.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: heard.append(str(error)))
-    page.on("response", lambda r: heard.append(f"{r.status} {r.url}") if r.status >= 400 else None)
-    page.on("request", lambda r: heard.append(r.url) if "//127.0.0.1:" not in r.url else None)
-    return heard
-
-
-def is_about_the_page(words: str) -> bool:
-    """Return whether a message is about the page and not about slow software rendering."""
-    return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
-
-
 @pytest.mark.tools
 def test_the_guides_page_shows_the_moving_hand(
     right: SimulatedHand, tmp_path: Path, export_tool: ExportTool, browser: Any
 ) -> None:
+    """The page requests nothing from elsewhere; only slow software rendering may cause warnings."""
     motion, file = right.ready(FITTED), tmp_path / "motion.glb"
     write(motion, file)
     modules = export_tool("node_modules/three").parent
-    with served(blocks(GUIDE, "html")[0].text, file, modules, tmp_path) as address:
-        page = browser.new_page(viewport={"width": 400, "height": 300})
-        heard = complaints(page)
+    with (
+        served(blocks(GUIDE, "html")[0].text, file, modules, tmp_path) as address,
+        watched(browser, viewport={"width": 400, "height": 300}) as watch,
+    ):
+        page = watch.page
         page.goto(address)
         shows_another = "seen => !['', ...seen].includes(document.querySelector('output').textContent)"
         seen: list[str] = []
@@ -189,8 +178,8 @@ def test_the_guides_page_shows_the_moving_hand(
             page.wait_for_function(shows_another, arg=seen)
             seen.append(page.locator("output").text_content())
         picture = page.screenshot()
-        page.close()
-    assert [words for words in heard if is_about_the_page(words)] == []
+        watch.console = [text for text in watch.console if not re.search("GPU stall|rAF timed out", text)]
+        watch.opened |= {url for url in watch.requests if url.startswith(address)}
     assert len(picture) > 5000, "a page without a hand is smaller"
     tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
     apart_mm, time_s = (tips[:, 0] - tips[:, 1]).T, motion.time_s - motion.time_s[0]

@@ -34,10 +34,6 @@ def add(motion: PosedRecording, folder: Path) -> tuple[str, ...]:
     return write(motion, folder / DESCRIPTION)
 
 
-def receivers_path(folder: Path, motion: PosedRecording) -> Path:
-    return folder / f"{recording_path(motion.origin.recording)}_motion.tsv"
-
-
 def skeleton_path(folder: Path, motion: PosedRecording) -> Path:
     return folder / f"{recording_path(motion.origin.recording, motion.origin.model)}_motion.tsv"
 
@@ -47,10 +43,6 @@ def table(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     channels = pd.read_csv(beside, sep="\t", keep_default_na=False)
     numbers = pd.read_csv(path, sep="\t", header=None, names=list(channels["name"]), na_values=["n/a"])
     return numbers, channels
-
-
-def motion_json(path: Path) -> dict[str, Any]:
-    return json.loads(path.with_suffix(".json").read_text("utf-8"))
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -129,20 +121,20 @@ def test_the_skeleton_is_read_back_by_pandas(hand: SimulatedHand, tmp_path: Path
             turn = numbers[[f"{joint.name}_quat_{part}" for part in "wxyz"]].to_numpy()
             off = angle(multiply(conjugate(turn), motion.quaternion[:, index]))
             assert np.degrees(off[motion.known[:, index]]).max() < 1e-6
-    names, angles = bone_angles_deg(motion)
-    assert "index_mcp" in names
-    columns = [f"{name}_{part}" for name in names for part in ("flexion", "abduction", "rotation")]
-    np.testing.assert_allclose(numbers[columns], angles.reshape(len(angles), -1), atol=1e-6)
+    angles_deg = bone_angles_deg(motion)
+    assert "index_mcp" in angles_deg
+    columns = [f"{name}_{part}" for name in angles_deg for part in ("flexion", "abduction", "rotation")]
+    np.testing.assert_allclose(numbers[columns], np.concatenate([*angles_deg.values()], 1), atol=1e-6)
     kinds = channels.groupby(["type", "units"]).size().to_dict()
     assert kinds == {
-        ("JNTANG", "deg"): 3 * len(names), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
+        ("JNTANG", "deg"): 3 * len(angles_deg), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
         ("ORNT", "n/a"): 80, ("POS", "m"): 3 * len(motion.joints),
     }  # fmt: skip
-    sidecar = motion_json(skeleton_path(tmp_path, motion))
+    sidecar = json.loads(skeleton_path(tmp_path, motion).with_suffix(".json").read_text("utf-8"))
     counted = [
         sidecar[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")
     ]
-    assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(names), 2, 1]
+    assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(angles_deg), 2, 1]
     assert sidecar["TrackedPointsCount"] == len(motion.joints)
     assert sidecar["SamplingFrequency"] == pytest.approx(240)
     frames = json.loads(next(tmp_path.rglob("*skeleton*_channels.json")).read_text())["reference_frame"][
@@ -160,7 +152,7 @@ def test_gaps_are_written_as_n_a_in_every_file(tmp_path: Path) -> None:
     gone = [name for name in numbers if name.startswith("index_mcp_")]
     assert np.argwhere(numbers[gone].isna().to_numpy())[:, 0].tolist() == [3] * 7 + [4] * 7
     assert np.flatnonzero(numbers["latency"].isna()).tolist() == [7]
-    receivers, _ = table(receivers_path(tmp_path, motion))
+    receivers, _ = table(tmp_path / f"{recording_path(motion.origin.recording)}_motion.tsv")
     assert receivers.isna().to_numpy().sum() == 7 + 2
     for path in tmp_path.rglob("*_motion.tsv"):
         cells = {cell for line in path.read_text().splitlines() for cell in line.split("\t")}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,22 +14,19 @@ from moving_fingers import blanked
 from program_files import printed_by
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.motion import continuous, stiffen
+from shukotsu.export.motion import stiffen
 from shukotsu.export.opensim import write
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
+from shukotsu.hand.rotations import about_axis, angle, conjugate, continuous, multiply, rotate, unit
 
 READER = Path(__file__).resolve().parents[1] / "export_tools" / "read_with_opensim.py"
 NEAR_M = 1e-9
 NEAR_RAD = 1e-8
+HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "little_cmc")
 
 
-def bend(n_frames: int, phase: float, rad: float) -> Array:
-    return np.asarray(rad * np.sin(np.linspace(0, 3, n_frames) + phase))
-
-
-def with_hinges(motion: PosedRecording, hinges: Sequence[str]) -> PosedRecording:
-    """Return the motion with hinges of one degree of freedom; all other joints have two.
+def with_hinges(motion: PosedRecording) -> PosedRecording:
+    """Return the motion with HINGES of one degree of freedom; all other joints have two.
 
     The metacarpals of the index and middle fingers are fixed.
     """
@@ -37,21 +34,19 @@ def with_hinges(motion: PosedRecording, hinges: Sequence[str]) -> PosedRecording
     joints, axis = list(motion.joints), motion.axis.copy()
     for index, joint in enumerate(motion.joints[1:], 1):
         relative = multiply(conjugate(motion.quaternion[:, joint.parent]), motion.quaternion[:, index])
-        if joint.name in hinges:
+        if joint.name in HINGES:
             if joint.name.endswith("_cmc"):
                 axis[index] = unit(np.array([-0.8, -0.1, -0.5]))
             assert np.isfinite(axis[index]).all()
             joints[index] = replace(joint, dof=1)
-            relative = multiply(relative[:1], about_axis(axis[index], bend(len(turn), index, 0.4)))
+            bent_rad = 0.4 * np.sin(np.linspace(0, 3, len(turn)) + index)
+            relative = multiply(relative[:1], about_axis(axis[index], bent_rad))
         elif joint.name in ("index_cmc", "middle_cmc"):
             relative = np.broadcast_to(relative[:1], relative.shape)
         elif not joint.tip:
             joints[index], axis[index] = replace(joint, dof=2), np.nan
         turn[:, index] = multiply(turn[:, joint.parent], relative)
     return stiffen(replace(motion, joints=tuple(joints), axis=axis, quaternion=continuous(turn)))
-
-
-HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "little_cmc")
 
 
 def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: str) -> dict[str, Any]:
@@ -109,7 +104,7 @@ def test_opensims_inverse_kinematics_gives_the_same_angles(
     """From exact receivers of a fitted hand angles agree to 0.1 deg, except in frames without the last
     receiver; one frame without any receiver is left out.
     """
-    motion = with_hinges(hand.ready(FITTED), HINGES)
+    motion = with_hinges(hand.ready(FITTED))
     motion = blanked(with_rigid_receivers(motion.take(slice(0, 240, 12))), receivers=11)
     write(motion, tmp_path / "hand.osim")
     seen = read_with_opensim(export_tool, tmp_path / "hand", "--ik")

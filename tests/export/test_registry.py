@@ -20,10 +20,12 @@ WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
 ON_TIME = ("glb", "osim")
 
 
-def write(motion: PosedRecording, name: str, folder: Path) -> tuple[str, ...]:
-    chosen = FORMATS[name]
-    path = folder / (chosen.shared or f"a{chosen.extensions[0]}")
-    return tuple(chosen.writers.write(motion, path))
+def path_of(name: str, folder: Path) -> Path:
+    return folder / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
+
+
+def write(motion: PosedRecording, name: str, folder: Path) -> None:
+    FORMATS[name].writers.write(motion, path_of(name, folder))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -37,9 +39,7 @@ def test_the_same_motion_gives_the_same_files(name: str, tmp_path: Path) -> None
     motion = moving_fingers(10, slip_mm=0.5)
     position_mm, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for folder in ("a", "b"):
-        write_format(
-            motion, ExportSettings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}")
-        )
+        write_format(motion, ExportSettings(), name, path_of(name, tmp_path / folder))
     assert files(tmp_path / "a")
     assert files(tmp_path / "a") == files(tmp_path / "b")
     np.testing.assert_array_equal(motion.position_mm, position_mm)
@@ -51,8 +51,8 @@ def test_provenance_is_in_the_file_or_beside_it(name: str, tmp_path: Path) -> No
     """It has the subject's name in its script, the licence and the tables' hashes."""
     motion = moving_fingers(5)
     origin = Origin(RecordingName("Ö", "right", "wave"), licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
-    path = tmp_path / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
-    remarks = write_format(replace(motion, origin=origin), ExportSettings(fps=50), name, path)
+    motion = replace(motion, origin=origin)
+    remarks = write_format(motion, ExportSettings(fps=50), name, path_of(name, tmp_path))
     assert remarks[0].startswith("resampled from 5 frames")
     assert f"not in the file: {FORMATS[name].drops}" in remarks
     whole = b"".join(files(tmp_path).values())

@@ -23,13 +23,10 @@ def test_every_rig_keeps_every_joints_pose(hand: SimulatedHand, rig: str) -> Non
     names = RIGS[rig].names(hand.recording.hand.hand)
     if RIGS[rig].skin_tips:
         names = {(f"{k[:-4]}_skin_tip" if k.endswith("_tip") else k): name for k, name in names.items()}
-    for joint, name in ((joint, names[joint.name]) for joint in motion.joints[1:] if joint.name in names):
-        np.testing.assert_array_equal(
-            there.position_mm[:, there.index(name)], motion.position_mm[:, motion.index(joint.name)]
-        )
-        np.testing.assert_array_equal(
-            there.quaternion[:, there.index(name)], motion.quaternion[:, motion.index(joint.name)]
-        )
+    kept = [joint for joint in motion.names[1:] if joint in names]
+    before, after = [motion.index(joint) for joint in kept], [there.index(names[joint]) for joint in kept]
+    np.testing.assert_array_equal(there.position_mm[:, after], motion.position_mm[:, before])
+    np.testing.assert_array_equal(there.quaternion[:, after], motion.quaternion[:, before])
     assert all(joint.parent < index for index, joint in enumerate(there.joints))
 
 

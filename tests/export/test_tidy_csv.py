@@ -35,15 +35,15 @@ def test_every_exported_pose_is_read_back(hand: SimulatedHand, tmp_path: Path) -
 def test_exported_angles_equal_those_of_the_bones(hand: SimulatedHand) -> None:
     """They equal joint_angles of the same bones; the thumb has a separate test."""
     motion, truth, side = hand.motion(FITTED), hand.simulated.truth, hand.simulated.hand
-    names, angles_deg = bone_angles_deg(motion)
+    angles_deg = bone_angles_deg(motion)
     ours = truth.bone_quaternion
     rests = rest_rotations(hand.plan.layouts[side], side)
-    compared = [name for name in names if name not in {"thumb_cmc", "thumb_mcp"}]
+    compared = [name for name in angles_deg if name not in {"thumb_cmc", "thumb_mcp"}]
     assert len(compared) == 15
     for name in compared:
         index = JOINTS.index(name)
         expected = joint_angles(ours[:, PARENT[index]], ours[:, index + 1], side, rests[name])
-        np.testing.assert_allclose(angles_deg[:, names.index(name)], expected, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(angles_deg[name], expected, atol=1e-6, err_msg=name)
 
 
 def test_the_header_describes_columns_and_rest_pose(hand: SimulatedHand, tmp_path: Path) -> None:

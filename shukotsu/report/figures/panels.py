@@ -253,8 +253,8 @@ def draw_rows(
         if middle is None and len(values):
             low, middle, high = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
             bar, colour = ((low, high) if len(values) >= FEWEST_FOR_QUARTILES else None), row.look.colour
-        if len(values):  # matplotlib omits dots far below a logarithmic scale
-            x = np.maximum(values, scale.low) if scale.kind == "log" else values
+        if len(values):
+            x = np.maximum(values, scale.low)  # matplotlib omits dots far below a logarithmic scale
             axes.plot(
                 x, [y + aside_of[name] for name in row.numbers], "o", color=row.look.colour, markersize=size,
                 alpha=0.6, markeredgewidth=0.0, clip_on=False, zorder=2.2, gid=f"dots{y}",

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -113,13 +114,12 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
     names_in_order = sorted((*results.models, PRIOR), key=lambda name: name != first)
     panels = {}
     for each in (judged[metric] for metric in metrics if metric in judged):
-        rows, lines = [], 1
+        rows = []
         for names in alike({name: each.values[name] for name in names_in_order if name in each.values}):
             numbers = each.values[names[0]]
             values = np.array(list(numbers.values()))
             interval, words = paired_difference(values).interval, wrap_text(", ".join(names), ROW_LETTERS)
             rows.append(PanelRow("\n".join(words), looks[names[0]], numbers, float(values.mean()), interval))
-            lines = max(lines, len(words))
         scale = value_scale([value for row in rows for value in row.values()])
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
         shown = listed(row.name.replace("\n", " ") for row in rows)
@@ -134,6 +134,7 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         decimals = QUANTITIES[each.metric].decimals
         drawn = partial(_draw_models, rows=rows, axis=axis, scale=scale, decimals=decimals)
         draw = partial(drawn, of_all=len(results.subjects))
+        lines = 1 + max(row.name.count("\n") for row in rows)
         height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
@@ -145,8 +146,7 @@ def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
     y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scatter_steps(len(names))]
-    floor = scale.low if scale.kind == "log" else -np.inf
-    axes.plot(np.maximum(np.ravel(x), floor), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
+    axes.plot(np.maximum(np.ravel(x), scale.low), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
 
 
 def models(results: StudyResults) -> tuple[Figure, str]:
@@ -395,11 +395,8 @@ def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
     """Return the look of each level of a factor, or a common look if the only level is an empty string."""
     if (names := list(levels)) == [""]:
         return {"": CurveLook(tr("all subjects"), INK)}
-    colours = level_looks(names)
-    return {
-        name: CurveLook(word(name), colours[name].colour, _STYLES[index % len(_STYLES)])
-        for index, name in enumerate(names)
-    }
+    colours, styled = level_looks(names), zip(names, cycle(_STYLES), strict=False)
+    return {name: CurveLook(word(name), colours[name].colour, style) for name, style in styled}
 
 
 def study_panels(movement: StudyMovement, groups: Mapping[str, str]) -> dict[str, list[Panel]]:

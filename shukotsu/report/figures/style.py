@@ -45,7 +45,6 @@ FONTS_FOR_OTHER_SCRIPTS = (
 
 STYLE: dict[str, Any] = {
     "font.size": 8.0,
-    "axes.labelsize": 8.0,
     "axes.titlesize": 8.0,
     "axes.titlepad": 3.0,
     "axes.titley": 1.0,  # avoids measuring all tick labels to place the title
@@ -70,8 +69,6 @@ STYLE: dict[str, Any] = {
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.5,
     "ytick.major.size": 2.5,
-    "xtick.minor.size": 0.0,
-    "ytick.minor.size": 0.0,
     "lines.linewidth": 0.8,
     "lines.markersize": 4.0,
     "legend.fontsize": SMALL_PT,
@@ -83,7 +80,6 @@ STYLE: dict[str, Any] = {
     "text.parse_math": False,  # a name may hold $, \ and _
     "svg.fonttype": "none",
     "svg.hashsalt": "shukotsu",
-    "pdf.fonttype": 42,
 }
 """Changes to matplotlib's default settings; a user's matplotlibrc is ignored."""
 
@@ -200,13 +196,9 @@ def font_note(name: str) -> str:
 def _fonts() -> dict[str, Any]:
     """Return settings of fonts, those for the page's language first; PDFs can embed only TrueType files."""
     font = None if language() == ENGLISH else font_of(language())
-    if font is None:
-        return {"font.family": [FONT, *_installed_fonts()]}
-    name = font_manager.get_font(font).family_name
-    return {
-        "font.family": [name, FONT, *_installed_fonts()],
-        "pdf.fonttype": 42 if font.suffix == ".ttf" else 3,
-    }
+    names = [] if font is None else [font_manager.get_font(font).family_name]
+    embedded = font is None or font.suffix == ".ttf"
+    return {"font.family": [*names, FONT, *_installed_fonts()], "pdf.fonttype": 42 if embedded else 3}
 
 
 @cache
@@ -221,5 +213,6 @@ def _installed_fonts() -> tuple[str, ...]:
 def _characters(name: str) -> frozenset[int]:
     """Return the code points that are in any of the fonts in use."""
     files = [Path(font_manager.findfont(font)) for font in (FONT, *_installed_fonts())]
-    files += filter(None, [None if name == ENGLISH else font_of(name)])
+    if name != ENGLISH and (font := font_of(name)):
+        files.append(font)
     return frozenset[int]().union(*(font_manager.get_font(file).get_charmap().keys() for file in files))

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
 
 from shukotsu.arrays import Array
+from shukotsu.hand.rotations import continuous
 from shukotsu.report.belief import BELIEFS
 from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import (
@@ -43,7 +43,6 @@ FARTHEST_SHOWN_MM = 10_000.0
 """Points farther away than this become gaps since they cannot be shown; a tracker's range is about 2 m."""
 NOMINAL_HZ = 240.0
 """Frames per second at which a recording without device times is played."""
-_LEVEL = 6  # the highest level, 9, takes a quarter longer and saves only 0.1 %
 _EXTENT_FRAMES = 200
 _NEAR_MM = 45.0
 
@@ -139,14 +138,15 @@ def pack_blocks(blocks: Sequence[NumberBlock]) -> tuple[bytes, list[dict[str, An
     for block in blocks:
         valid = np.asarray(np.isfinite(block.values).all(-1, keepdims=True))
         steps = np.rint(np.where(valid, block.values, 0.0) / block.step).astype(np.int64)
-        change = np.diff(_held(steps, valid), axis=0, prepend=0)
+        last = np.maximum.accumulate(np.where(valid, np.arange(len(steps))[:, None, None], 0), axis=0)
+        change = np.diff(np.take_along_axis(steps, last, axis=0), axis=0, prepend=0)  # gaps change nothing
         code = np.where(valid, 1 + ((change << 1) ^ (change >> 63)), 0)
         planes = max(1, -(-int(code.max(initial=0)).bit_length() // 8))
         code_bytes = np.ascontiguousarray(code.transpose(1, 2, 0), "<i8").view(np.uint8).reshape(-1, 8)
         raw += [code_bytes[:, plane].tobytes() for plane in range(planes)]
         shape = dict(zip(("frames", "count", "width"), block.values.shape, strict=True))
         parts.append({"name": block.name, "step": block.step, **shape, "planes": planes})
-    return zlib.compress(b"".join(raw), _LEVEL), parts
+    return zlib.compress(b"".join(raw)), parts
 
 
 def playing_times_s(time_s: Array) -> Array:
@@ -168,7 +168,7 @@ def _blocks(motion: HandMotion) -> list[NumberBlock]:
         NumberBlock("time", TIME_STEP_S, motion.begins_s + playing_times_s(motion.time_s)[:, None, None]),
         NumberBlock("frame", 1.0, motion.frame.astype(float)[:, None, None]),
         NumberBlock("receivers", POSITION_STEP_MM, _near(motion.receiver_mm)),
-        NumberBlock("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
+        NumberBlock("rotations", ROTATION_STEP, continuous(motion.receiver_quaternion)),
     ]
     for index, skeleton in enumerate(motion.skeletons):
         if skeleton.on_receivers is None:
@@ -180,27 +180,6 @@ def _blocks(motion: HandMotion) -> list[NumberBlock]:
 def _near(values: Array) -> Array:
     """Return values with NaN for points that are too far away to be shown."""
     return np.where(np.abs(values) <= FARTHEST_SHOWN_MM, values, np.nan)
-
-
-def _steady_signs(quaternion: Array) -> Array:
-    """Return the same rotations (T, R, 4) with signs such that successive valid quaternions are near."""
-    valid = np.asarray(np.isfinite(quaternion).all(-1, keepdims=True))
-    filled = _held(np.where(valid, quaternion, 0.0), valid)
-    turned = (filled[1:] * filled[:-1]).sum(-1) < 0
-    sign = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)
-    sign = np.concatenate([np.ones((1, quaternion.shape[1])), sign])
-    return np.asarray(quaternion * sign[..., None])
-
-
-def _held(values: npt.NDArray[Any], valid: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
-    """Return values (T, N, W) in which invalid ones are replaced by the last valid one before, if any.
-
-    valid : shape (T, N, 1).
-    """
-    if valid.all():
-        return values
-    last = np.maximum.accumulate(np.where(valid, np.arange(len(values))[:, None, None], 0), axis=0)
-    return np.take_along_axis(values, last, axis=0)
 
 
 def _header(motion: HandMotion) -> dict[str, Any]:

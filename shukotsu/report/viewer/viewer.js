@@ -163,16 +163,12 @@ function isSlow() {
   return !gl || /swiftshader|llvmpipe|software/i.test(renderer);
 }
 
+/* Where the browser has no WebGL 2, `gl` is null and nothing can be drawn. */
 class Painter {
-  /* A painter of the canvas, or null where the browser has no WebGL 2. */
-  static of(canvas) {
-    const slow = isSlow(), gl = canvas.getContext("webgl2", {antialias: !slow, preserveDrawingBuffer: true});
-    return gl && new Painter(gl, slow);
-  }
-
-  constructor(gl, slow) {
-    Object.assign(this, {gl, slow});
-    this.prepare();
+  constructor(canvas) {
+    this.slow = isSlow();
+    this.gl = canvas.getContext("webgl2", {antialias: !this.slow, preserveDrawingBuffer: true});
+    if (this.gl) this.prepare();
   }
 
   prepare() {
@@ -233,7 +229,7 @@ class HandViewer {
     Object.assign(this, {listeners: [], times: blocks.time.values, frames: blocks.frame.values});
     Object.assign(this, {last: this.frames.length - 1, shown: header.shown, part: partsOf(root)});
     this.canvas = this.part.canvas;
-    this.painter = Painter.of(this.canvas);
+    this.painter = new Painter(this.canvas);
     this.still = this.baseAt(0);
     this.home();
     this.readColours();
@@ -403,7 +399,7 @@ class HandViewer {
 
   draw() {
     const {clientWidth, clientHeight} = this.canvas;
-    if (!this.painter || !clientWidth) return;
+    if (!this.painter.gl || !clientWidth) return;
     const ratio = min(2, this.painter.slow ? 1 + this.calm : devicePixelRatio), parts = this.parts();
     const base = this.part.follow.checked ? this.baseAt(this.index) : this.still;
     this.painter.clear(Math.round(clientWidth * ratio), Math.round(clientHeight * ratio));
@@ -441,14 +437,7 @@ class HandViewer {
   /* ---- time ---- */
 
   /* Index of the last frame that is not after a time. */
-  upTo(time) {
-    let low = 0, high = this.last;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (this.times[middle] <= time) low = middle; else high = middle - 1;
-    }
-    return low;
-  }
+  upTo(time) { return max(0, this.times.findLastIndex((moment) => moment <= time)); }
 
   goTo(index) {
     this.show(clamp(index, 0, this.last));
@@ -636,18 +625,17 @@ class HandViewer {
 }
 
 async function start(root) {
-  const live = root.querySelector("form"), still = (error) => wording("still", {error});
+  const lack = (error) => (root.querySelector(".viewer-lacking").textContent = wording("still", {error}));
   try {
     const header = JSON.parse(root.querySelector("script[type='application/json']").textContent);
-    const viewer = root.viewer = new HandViewer(root, header, await unpack(header)), moves = !!viewer.painter;
-    live.hidden = !moves;
+    const viewer = root.viewer = new HandViewer(root, header, await unpack(header)), moves = !!viewer.painter.gl;
+    root.querySelector("form").hidden = !moves;
     root.classList.toggle("moving", moves);
-    if (!moves) root.querySelector(".viewer-lacking").textContent = still(wording("no_webgl"));
+    if (!moves) lack(wording("no_webgl"));
     viewer.send("viewerloaded");
     if (moves) viewer.send("viewerready");
   } catch (error) {
-    live.hidden = true;
-    root.querySelector(".viewer-lacking").textContent = still(error.message);
+    lack(error.message);
   }
 }
 

@@ -37,10 +37,6 @@ NAMES = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KIN
 TEXT = "{http://www.w3.org/2000/svg}text"
 
 
-def run(*words: str) -> int:
-    return print_figures(words)
-
-
 def words_of(study: MadeStudy, out: Path) -> list[str]:
     return ["--study", str(study.file), "--results", str(study.folder), "--out", str(out)]
 
@@ -54,7 +50,7 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path, capsys: pytest.Captu
     """The second process runs later, with another hash seed and time zone."""
     first, second = tmp_path / "first", tmp_path / "second"
     files = many_subjects(tmp_path, 3)
-    assert run(*words_of(files, first)) == 0
+    assert print_figures(words_of(files, first)) == 0
     lines = capsys.readouterr().err.splitlines()
     for name, line in zip(("ranges-of-motion", "groups"), lines, strict=True):
         assert name in line, "this study has no movement and no factors"
@@ -122,14 +118,14 @@ def test_a_study_with_hostile_names_is_drawn_without_a_warning(
     out = tmp_path / "figures"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert run(*words_of(study, out), "--recording", subject, "right", "opposition") == 0
+        assert print_figures([*words_of(study, out), "--recording", subject, "right", "opposition"]) == 0
         folder = f"{out}/sub-山田%20%24x_1%24%20%5Cfrac/right/opposition"
         assert capsys.readouterr().err == (
             f"{folder}/joint-angles: Not drawn: joint angles need a model that fits the whole hand, and this "
             f"study has none.\n{folder}/cycle-curves_paper-fig4: Not drawn: paper-fig4 has no joint angle in "
             "the cycles of this recording.\n"
         )
-        assert run(*words_of(study, out)) == 0
+        assert print_figures(words_of(study, out)) == 0
     assert {path.name for path in out.iterdir() if path.is_file()} == {*NAMES}
     (svg,) = out.glob("*/right/opposition/tip-error.svg")
     assert "Tip error [mm]" in texts(svg)
@@ -141,10 +137,10 @@ def test_a_failure_is_printed_or_drawn_as_a_sentence(
 ) -> None:
     words = words_of(MadeStudy(study.file, tmp_path), tmp_path / "figures")
     expected = f"{tmp_path}/recordings.parquet: no such file; expected a recordings table"
-    assert run(*words) == 2
+    assert print_figures(words) == 2
     assert capsys.readouterr().err == f"error: {expected}\n"
     assert not (tmp_path / "figures").exists()
-    assert run(*words, "--record-failure") == 0
+    assert print_figures([*words, "--record-failure"]) == 0
     for name in STUDY_FIGURES:
         assert (tmp_path / "figures" / f"{name}.txt").read_text() == f"Not drawn: {expected}.\n"
         assert texts(tmp_path / "figures" / f"{name}.svg")[0].startswith("Not drawn: ")
