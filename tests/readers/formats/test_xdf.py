@@ -48,8 +48,8 @@ def test_a_header_with_expanding_entities_is_refused(tmp_path: Path) -> None:
     entities = "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise(names))
     bomb = f'<!DOCTYPE info [<!ENTITY a "0123456789">{entities}]>'.encode()
     head = xdf_header(TWO).replace(b"<name>tracker</name>", b"<name>&j;</name>")
-    with pytest.raises(InputError, match="is damaged: pyxdf cannot read it"):
-        read(tmp_path, xdf_of(pose_stream(1, bomb + head, TIMES, VALUES)))
+    bombed = xdf_of(pose_stream(1, bomb + head, TIMES, VALUES))
+    refuse(tmp_path, bombed, "is damaged: pyxdf cannot read it")
 
 
 def test_a_file_that_expands_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
