@@ -81,10 +81,10 @@ class TextForm:
     table: int | None = None
 
     def config(self) -> dict[str, Any]:
-        """Return the format as the mapping's `csv` group, with all keys that reading a table needs."""
-        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
-        config |= {name: value for name in ("comment", "table") if (value := getattr(self, name))}
-        return config | {"missing": []}
+        """Return the format as keys of the mapping's `csv` group."""
+        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header")}
+        optional = {name: getattr(self, name) for name in ("comment", "skip_lines", "table")}
+        return config | {name: value for name, value in optional.items() if value}
 
     def sentence(self) -> str:
         """Describe the format in words."""
@@ -179,15 +179,14 @@ REPEATED_SHARE = 0.2
 class _ReadTable:
     """Columns of a table that were read.
 
-    numbers : title -> (N,). time_of_day, dates : titles of columns with times of day and with dates.
+    numbers : title -> (N,). time_units : title -> `time_unit` of columns with times of day or dates.
     receivers : names in the receiver column if the table has one row per receiver and frame.
     """
 
     titles: Sequence[str]
     n_rows: int
     numbers: Mapping[str, Array]
-    time_of_day: frozenset[str]
-    dates: frozenset[str]
+    time_units: Mapping[str, str]
     roles: Roles
     receivers: Sequence[str]
 
@@ -198,9 +197,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     Raises InputError if no table can be read.
     """
     tables = tables_of(path)
-    if len(tables) < 2:
-        with open_text(path) as stream:
-            return _describe(path, layout, detect_form(path, stream.read(1 << 20)))
+    if len(tables) == 1:
+        return _describe(path, layout, detect_form(path, tables[0]))
     lines, drafts = [], list[tuple[int, str]]()
     for number, data in enumerate(tables, 1):
         title = data.lstrip().split(b"\n", 1)[0].decode("utf-8", "replace").strip(" ,;\t")
@@ -222,7 +220,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
 @np.errstate(over="ignore", invalid="ignore")  # infinite numbers are reported as such
 def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     """Describe the presumed columns of a table. Raises InputError if the text is not a table."""
-    text = open_table_text(path, form.config())
+    text = open_table_text(path, {"skip_lines": 0, "missing": [], **form.config()})
     table = _read_columns(text.cells(text.titles), text.titles)
     roles = table.roles
     joint_angles = [title for title in table.titles if _JOINT_ANGLE.search(title)]
@@ -254,8 +252,8 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
         units = units._replace(time=_time_of_tracker(units.time, table.numbers[roles.time]))
     config = _draft_config(table, units, of_stations or (drafted,), layout, asynchronous)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
-    if roles.time in table.time_of_day | table.dates:
-        config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in table.time_of_day else DATES
+    if roles.time in table.time_units:
+        config["csv"]["time_unit"] = table.time_units[roles.time]
     return Description(tuple(lines + remarks), draft(path, config, (f"# {line}" for line in remarks)))
 
 
@@ -266,12 +264,13 @@ def _read_columns(cells: Cells, titles: Sequence[str]) -> _ReadTable:
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
     dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
     numbers |= of_day | dates
+    time_units = dict.fromkeys(of_day, TIME_OF_DAY) | dict.fromkeys(dates, DATES)
     roles = find_roles(titles, numbers)
     if roles.time and roles.nanoseconds:
         numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
     names = cells.names_in(roles.receiver)[1] if roles.receiver else []
     receivers = sorted(names, key=lambda name: (len(name), name))
-    return _ReadTable(titles, cells.rows, numbers, frozenset(of_day), frozenset(dates), roles, receivers)
+    return _ReadTable(titles, cells.rows, numbers, time_units, roles, receivers)
 
 
 def _column_lines(table: _ReadTable, units: Units) -> list[str]:
@@ -446,15 +445,15 @@ def _receivers(
     return config
 
 
-def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, Any], dict[str, Any]] | None:
+def _by_station(drafted: Mapping[str, Any], layout: Layout) -> list[dict[str, Any]]:
     """Assign receivers without segment names to the layout's stations in order; return right and left ones.
 
-    Returns None unless the receivers are exactly one hand or two, none has a segment's name and the layout
+    Returns no list unless the receivers are exactly one hand or two, none has a segment's name and the layout
     has stations. If each name has a distinct number, receivers are ordered by it, else by the file.
     """
     stations = {name: layout.segments[name].receiver for name in layout.measured}
     if None in stations.values() or not all(key.startswith(CHECK) for key in drafted):
-        return None
+        return []
     numbers = [re.findall(r"\d+", str(next(iter(entry[0].values())))) for entry in drafted.values()]
     each = [int(found[0]) for found in numbers if found and len({*found}) == 1]
     entries = [*drafted.values()]
@@ -464,8 +463,8 @@ def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, A
         ordered = sorted(worn, key=lambda name: stations[name] or 0)
         right, left = entries[: len(ordered)], entries[len(ordered) :]
         if len(right) == len(ordered) and len(left) in (0, len(ordered)):
-            return tuple(dict(zip(ordered, part, strict=False)) for part in (right, left))  # type: ignore[return-value]
-    return None
+            return [dict(zip(ordered, part, strict=False)) for part in (right, left)]
+    return []
 
 
 _TRACKERS_HZ = 5, 2000
@@ -522,9 +521,7 @@ def _column(title: str) -> int | str:
 
 def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
     """Return the mapping's `csv` group."""
-    config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
-    config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
-    config |= {name: value for name in ("comment", "skip_lines", "table") if (value := getattr(form, name))}
+    config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide", **form.config()}
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
         config["time_unit"] = time[:2]
