@@ -255,10 +255,6 @@ def _written(text: str) -> dict[str, Any]:
     return {key: value for code in codes for key, value in loaded_yaml(code, "a cure").items()}
 
 
-def _key(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
-    return lab_file.with_keys(**_written(words[1]))
-
-
 def _key_under(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
     return lab_file.with_keys(**{words[2]: {**(lab_file.mapping or {})[words[2]], **_written(words[1])}})
 
@@ -404,7 +400,7 @@ RULES: Sequence[tuple[str, Follow]] = (
     ),
     (r"write (`in_step: false`) under `csv` and the tracker's `rate_hz` in the mapping", _not_in_step),
     (r"write ((?:`[^`]+`(?: and )?)+) under `(\w+)` in the mapping", _key_under),
-    (r"write (`[^`]+`) in the mapping", _key),
+    (r"write (`[^`]+`) in the mapping", lambda words, lab_file, _: lab_file.with_keys(**_written(words[1]))),
     (r"exchange these names under `receivers` in the mapping: (?P<pairs>.+)\.", _names),
     (r"exchange these names in the file's column .* in the layout: (?P<pairs>.+)\.", _names_in_file),
     (r"rename the file's columns (.+) to ([^.]+?)(?:, and negate (.+))?\.$", _renamed),

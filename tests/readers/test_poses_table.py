@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from recording_files import columns_of
 
@@ -45,11 +46,7 @@ def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
 
 def table_rows(table: PosesTable) -> list[dict[str, Any]]:
     """Return the table's rows as dictionaries, NaN as None."""
-    columns = {
-        name: values.tolist() if isinstance(values, np.ndarray) else values.to_pylist()
-        for name, values in columns_of(table).items()
-    }
-    rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
+    rows = pa.table(columns_of(table)).to_pylist()
     return [{k: None if v != v else v for k, v in row.items()} for row in rows]
 
 

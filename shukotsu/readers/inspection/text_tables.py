@@ -536,11 +536,10 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
         config["quality_above"] = (CHECK, "the limit beyond which a pose is not used; or quality_below")
     if roles.receiver:
         config["receiver"] = (_column(roles.receiver), _doubt(roles, [roles.receiver]))
-        for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
-            titles = groups[0] if groups else []
-            if key == "orientation" and roles.positions and not groups:
-                continue
-            config[key] = (_columns(titles), _doubt(roles, titles))
+        position, turning = next(iter(roles.positions), []), next(iter(roles.orientations[1]), [])
+        config["position"] = (_columns(position), _doubt(roles, position))
+        if turning or not position:
+            config["orientation"] = (_columns(turning), _doubt(roles, turning))
     return config
 
 
@@ -555,7 +554,7 @@ def describe_text(path: Path, layout: Layout) -> Description:
         return describe_table(path, layout)
     table = open_tidy_csv(path)
     blocks = table.blocks(wanted_columns(path, table.header))
-    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
+    return _describe_tidy("CSV", blocks, layout)
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
@@ -571,9 +570,7 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
         metadata = read_metadata(path)
     except InputError:
         if _tidy_header(names):
-            return Description(
-                ("a tidy recording (Parquet): needs no mapping", *_tidy(parquet_blocks(path), layout))
-            )
+            return _describe_tidy("Parquet", parquet_blocks(path), layout)
         raise InputError(
             f"{path}: a Parquet file, but neither a tidy recording nor a table of this project; it has "
             f"{', '.join(kinds)}; rename its columns, or save it as CSV and write a mapping"
@@ -592,17 +589,16 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
 
 
 @np.errstate(over="ignore")  # infinite numbers are printed as such
-def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
+def _describe_tidy(kind: str, blocks: Iterable[Cells], layout: Layout) -> Description:
+    lines = [f"a tidy recording ({kind}): needs no mapping"]
     parts = [part for part in blocks if part.rows]
     if not parts:
-        return ["it has a header but no rows"]
+        return Description((*lines, "it has a header but no rows"))
     frames = np.concatenate([part.wholes("frame") for part in parts])
     time_s = np.concatenate([part.times_s("time_s", "s") for part in parts])
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
-    lines = [
-        f"{count_of(len(frames), 'row')}, frames {frames.min()} to {frames.max()}, "
-        f"{len(np.unique(frames))} of them"
-    ]
+    extent = f"frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"
+    lines.append(f"{count_of(len(frames), 'row')}, {extent}")
     if SEGMENT in parts[0].names:
         segments = list(dict.fromkeys(name for part in parts for name in part.names_in(SEGMENT)[1]))
         lines.append(f"segments: {', '.join(segments)}")
@@ -616,5 +612,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     whole = np.isfinite(numbers).all(-1)
     lines.append(f"{(~whole).sum()} of {count_of(len(whole), 'row')} lack a number and stay gaps")
     lines.append(extent_line("positions", numbers[:, :3]))
-    norm = np.linalg.norm(numbers[:, 3:], axis=-1)
-    return [*lines, f"quaternions: median norm {np.nanmedian(norm):.5f}"] if whole.any() else lines
+    if whole.any():
+        norm = np.linalg.norm(numbers[:, 3:], axis=-1)
+        lines.append(f"quaternions: median norm {np.nanmedian(norm):.5f}")
+    return Description(tuple(lines))

@@ -8,7 +8,7 @@ import captures
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from recording_files import LIBERTY, WHO, read, refuse
+from recording_files import WHO, read, refuse
 
 from benchmarks.benchmark_table import run_python
 from shukotsu.commands.import_file import main
@@ -20,7 +20,7 @@ STATIONS = tuple(range(1, 17))
 def test_the_tracker_is_recorded_in_the_metadata(tmp_path: Path) -> None:
     path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
     captures.write(path, map(captures.cycle, range(48)))
-    assert read(path, LIBERTY).tracker == "LIBERTY"
+    assert read(path).tracker == "LIBERTY"
     assert main([f"--in={path}", f"--out={out}", "--record-failure", *WHO]) == 0
     assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
 
@@ -43,9 +43,9 @@ def test_receivers_are_assigned_by_the_mapping_or_the_layout(
         "receivers": {segment: {"value": value} for segment, value in receivers.items()},
     }
     if segments is None:
-        refuse(path, note, LIBERTY, mapping)
+        refuse(path, note, mapping=mapping)
         return
-    samples = read(path, LIBERTY, mapping)
+    samples = read(path, mapping=mapping)
     stations = np.rint(samples.numbers[:, 0] / 10).astype(int) - 20
     positions = {(samples.segments[at], n) for at, n in zip(samples.segment, stations.tolist(), strict=True)}
     assert positions == {*segments.items()}

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import recording_files
-from recording_files import LIBERTY
 from sample_files import TYPES, pose_stream, xdf_chunk, xdf_header, xdf_of
 
 from shukotsu.errors import InputError
@@ -35,12 +34,12 @@ PLAIN = file_of(xdf_header(TWO))
 
 def read(tmp_path: Path, data: bytes, mapping: dict[str, object] | None = None) -> Samples:
     (tmp_path / "rom.xdf").write_bytes(data)
-    return recording_files.read(tmp_path / "rom.xdf", LIBERTY, mapping)
+    return recording_files.read(tmp_path / "rom.xdf", mapping=mapping)
 
 
 def refuse(tmp_path: Path, data: bytes, message: str, mapping: dict[str, object] | None = None) -> None:
     (tmp_path / "rom.xdf").write_bytes(data)
-    recording_files.refuse(tmp_path / "rom.xdf", message, LIBERTY, mapping)
+    recording_files.refuse(tmp_path / "rom.xdf", message, mapping=mapping)
 
 
 def test_a_header_with_expanding_entities_is_refused(tmp_path: Path) -> None:
