@@ -97,7 +97,7 @@ def check_recording(
     body = expected_body(layout, segments)
     clock = timeline.true_clock(line)
     duration_s, clock_breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
-    frames = int(line.valid.any(1).sum()) if line.valid.size else 0
+    frames = int(line.valid.any(1).sum())
     short: list[Finding] = []
     if frames < SHORT_FRAMES or not (duration_s is None or duration_s >= SHORT_S):
         length = {"frames": frames} | ({} if duration_s is None else {"duration_s": duration_s})

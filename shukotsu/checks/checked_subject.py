@@ -138,15 +138,13 @@ def compare_recordings(recordings: Sequence[tuple[str, str, CheckedRecording]]) 
         recordings, key=lambda entry: any(f.severity != NOTE for f in entry[2].findings)
     ):
         first_of.setdefault(checked.digest, (hand, task))
-    named = []
-    for task, hand, checked in recordings:
+    compared, others = [], _other_people(recordings)
+    for index, (task, hand, checked) in enumerate(recordings):
         first = first_of[checked.digest] if checked.digest else (hand, task)
-        more = (same_file(*first),) if first != (hand, task) else ()
-        named.append(replace(checked, findings=(*more, *checked.findings)))
-    for index, finding in _other_people(recordings).items():
-        if not any(finding_there.kind == "same-file" for finding_there in named[index].findings):
-            named[index] = replace(named[index], findings=(*named[index].findings, finding))
-    return named
+        copied = [same_file(*first)] if first != (hand, task) else []
+        differs = [others[index]] if index in others and not copied else []
+        compared.append(replace(checked, findings=(*copied, *checked.findings, *differs)))
+    return compared
 
 
 def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Recording, Finding]]:

@@ -131,9 +131,9 @@ def import_recording(arguments: argparse.Namespace) -> None:
         declared = {key: config[key] for key in _DECLARED if key in config}
         if unit := config.get("csv", {}).get("time_unit"):
             declared["csv"] = {"time_unit": unit}
-        more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
-        more |= {"clusters": remarks.clusters, "mapping": declared}
-        parameters |= {key: value for key, value in more.items() if value}
+        optional: dict[str, Any] = {"mapping": declared, "breaks": poses.breaks, "clusters": remarks.clusters}
+        optional |= {"tracker": remarks.tracker, "orientation": remarks.orientation}
+        parameters |= {key: value for key, value in optional.items() if value}
         write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 

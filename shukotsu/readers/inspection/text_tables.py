@@ -252,8 +252,8 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
         units = units._replace(time=_time_of_tracker(units.time, table.numbers[roles.time]))
     config = _draft_config(table, units, of_stations or (drafted,), layout, asynchronous)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
-    if roles.time in table.time_units:
-        config["csv"]["time_unit"] = table.time_units[roles.time]
+    if time_unit := table.time_units.get(roles.time or ""):
+        config["csv"]["time_unit"] = time_unit
     return Description(tuple(lines + remarks), draft(path, config, (f"# {line}" for line in remarks)))
 
 
