@@ -277,19 +277,15 @@ def _sort(
         sizes = [n for n in (9, 4) if _is_rotation(free, numbers, n)]
         # a rotation must not split a named group
         size = next((n for n in sizes if all({*named.get(t, ())} <= {*free[:n]} for t in free[:n])), 0)
-        if not size and not set(group) <= set(free):
-            group = []
-        if not (size or group):
+        taken = list(free[:size]) or (group if {*group} <= {*free} else [])
+        if not taken:
             run.append(free[0])
             free = free[1:]
             continue
         _sort_triples(run, numbers, roles)
         run = []
-        taken = list(free[:size]) if size else group
-        if len(taken) == 3:
-            (roles.angles if _named_angles(taken) else roles.positions).append(taken)
-        else:
-            (roles.matrices if len(taken) == 9 else roles.quaternions).append(taken)
+        triples = roles.angles if _named_angles(taken) else roles.positions
+        {9: roles.matrices, 4: roles.quaternions, 3: triples}[len(taken)].append(taken)
         free = [title for title in free if title not in taken]
     _sort_triples(run, numbers, roles)
 

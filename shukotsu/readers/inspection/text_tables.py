@@ -183,7 +183,6 @@ class _ReadTable:
     receivers : names in the receiver column if the table has one row per receiver and frame.
     """
 
-    titles: Sequence[str]
     n_rows: int
     numbers: Mapping[str, Array]
     time_units: Mapping[str, str]
@@ -221,9 +220,9 @@ def describe_table(path: Path, layout: Layout) -> Description:
 def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     """Describe the presumed columns of a table. Raises InputError if the text is not a table."""
     text = open_table_text(path, {"skip_lines": 0, "missing": [], **form.config()})
-    table = _read_columns(text.cells(text.titles), text.titles)
+    table = _read_columns(text.cells(text.titles))
     roles = table.roles
-    joint_angles = [title for title in table.titles if _JOINT_ANGLE.search(title)]
+    joint_angles = [title for title in text.titles if _JOINT_ANGLE.search(title)]
     if len(joint_angles) > 2 and not roles.orientations[1]:
         raise InputError(
             f"{path}: has joint angles ({', '.join(joint_angles[:3])} and so on), from which receiver poses "
@@ -233,9 +232,9 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
-    size = f"{count_of(table.n_rows, 'row')}, {count_of(len(table.titles), 'column')}"
+    size = f"{count_of(table.n_rows, 'row')}, {count_of(len(text.titles), 'column')}"
     lines = [f"a table as text: {size}; {form.sentence()}"]
-    lines += filter(None, [text.cut_off(table.titles)])
+    lines += filter(None, [text.cut_off(text.titles)])
     lines += _column_lines(table, units)
     repeated = 0.0 if roles.receiver else _repeats(roles, table.numbers, lines)
     if roles.orientations[1] and not roles.positions:
@@ -257,20 +256,20 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     return Description(tuple(lines + remarks), draft(path, config, (f"# {line}" for line in remarks)))
 
 
-def _read_columns(cells: Cells, titles: Sequence[str]) -> _ReadTable:
+def _read_columns(cells: Cells) -> _ReadTable:
     """Read each column as numbers, times of day or dates, depending on its cells."""
-    numbers = _numbers(lambda title: without_marks(cells.reals(title)), titles)
-    texts = [title for title in titles if title not in numbers]
+    numbers = _numbers(lambda title: without_marks(cells.reals(title)), cells.names)
+    texts = [title for title in cells.names if title not in numbers]
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
     dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
     numbers |= of_day | dates
     time_units = dict.fromkeys(of_day, TIME_OF_DAY) | dict.fromkeys(dates, DATES)
-    roles = find_roles(titles, numbers)
+    roles = find_roles(cells.names, numbers)
     if roles.time and roles.nanoseconds:
         numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
     names = cells.names_in(roles.receiver)[1] if roles.receiver else []
     receivers = sorted(names, key=lambda name: (len(name), name))
-    return _ReadTable(titles, cells.rows, numbers, time_units, roles, receivers)
+    return _ReadTable(cells.rows, numbers, time_units, roles, receivers)
 
 
 def _column_lines(table: _ReadTable, units: Units) -> list[str]:
