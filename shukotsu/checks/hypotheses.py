@@ -314,7 +314,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
-    """Return pairs of corresponding segments' names of two digits, or of more."""
+    """Return the pairs of names of corresponding segments, of two digits or of two groups of digits."""
     return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
 
 

@@ -447,8 +447,8 @@ def _receivers(
 def _by_station(drafted: Mapping[str, Any], layout: Layout) -> list[dict[str, Any]]:
     """Assign receivers without segment names to the layout's stations in order; return right and left ones.
 
-    Returns no list unless the receivers are exactly one hand or two, none has a segment's name and the layout
-    has stations. If each name has a distinct number, receivers are ordered by it, else by the file.
+    The list is empty unless the receivers are exactly one hand or two, none has a segment's name and the
+    layout has stations. If each name has a distinct number, receivers are ordered by it, else by the file.
     """
     stations = {name: layout.segments[name].receiver for name in layout.measured}
     if None in stations.values() or not all(key.startswith(CHECK) for key in drafted):
