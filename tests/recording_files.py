@@ -14,7 +14,7 @@ import pyarrow as pa
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.readers.import_recording import find_parts_reader
+from shukotsu.readers.import_recording import read_parts
 from shukotsu.readers.poses_table import PosesTable
 from shukotsu.readers.samples import Samples, join_samples
 from shukotsu.study.layout import Layout, read_layout
@@ -26,13 +26,13 @@ WHO = ("--layout=liberty16", "--subject=01", "--hand=right", "--task=rom")
 """Options of `import` that identify a recording."""
 
 
-def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:
+def read(path: Path, layout: Layout = LIBERTY, mapping: dict[str, Any] | None = None) -> Samples:
     """Read a recording by a mapping's content or, without one, by its file extension."""
     checked = None if mapping is None else mapping_from_config(mapping, "mapping.yaml")
-    return join_samples(find_parts_reader(path, "auto", checked)(path, layout, checked))
+    return join_samples(read_parts(path, layout, checked))
 
 
-def refuse(path: Path, message: str, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> None:
+def refuse(path: Path, message: str, layout: Layout = LIBERTY, mapping: dict[str, Any] | None = None) -> None:
     """Check that reading fails with one sentence that contains the message, a text or regular expression."""
     with pytest.raises(InputError) as caught:
         read(path, layout, mapping)

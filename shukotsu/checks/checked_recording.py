@@ -97,7 +97,7 @@ def check_recording(
     body = expected_body(layout, segments)
     clock = timeline.true_clock(line)
     duration_s, clock_breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
-    frames = int(line.valid.any(1).sum()) if line.valid.size else 0
+    frames = int(line.valid.any(1).sum())
     short: list[Finding] = []
     if frames < SHORT_FRAMES or not (duration_s is None or duration_s >= SHORT_S):
         length = {"frames": frames} | ({} if duration_s is None else {"duration_s": duration_s})
@@ -109,7 +109,9 @@ def check_recording(
     if speed_rad_s > SPEED_LIMIT_RAD_S:
         angles = Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})
         return CheckedRecording((*broken, angles), poses_digest(poses), None, None)
-    findings, search = _findings_of_hypotheses(line, poses.frame, body, layout, segments, hand, declared)
+    is_hand = bool(body.has_anatomy.any())
+    recorded = Recorded(layout, segments, receiver_axes(layout, segments), hand, is_hand, declared)
+    findings, search = _findings_of_hypotheses(line, poses.frame, body, recorded)
     if "hemisphere-undecided" in (left_out or {}):  # the import could not decide, so a repair would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
@@ -146,21 +148,13 @@ def poses_digest(poses: Poses) -> str:
 
 
 def _findings_of_hypotheses(
-    line: Timeline,
-    frame: np.ndarray,
-    body: ExpectedBody,
-    layout: Layout,
-    segments: tuple[str, ...],
-    hand: str,
-    declared: Declared,
-    *,
-    flipping: bool = True,
+    line: Timeline, frame: np.ndarray, body: ExpectedBody, recorded: Recorded, *, flipping: bool = True
 ) -> tuple[list[Finding], Search]:
     """Return the findings of flips, spikes and mistaken declarations, and the search for the latter.
 
     flipping : whether to look for flips; false in a second pass if undoing them made the joints worse.
     """
-    as_recorded = line
+    as_recorded, segments = line, recorded.segments
     jumping = sum(timeline.jumps(line, receiver) for receiver in range(len(segments))) > 0.5 * len(segments)
     sign = timeline.sides(line) if flipping and not jumping else np.ones(line.valid.shape, np.int8)
     if (sign < 0).any():
@@ -169,20 +163,17 @@ def _findings_of_hypotheses(
             line.position_mm[:, receiver] = line.position_mm[:, receiver] * sign[:, receiver, None]
     odd = timeline.spikes(line)
     usable = line.valid & ~odd & ~timeline.stuck(line) & ~timeline.zeros(line)
-    axes = receiver_axes(layout, segments)
-    motion = motion_of(line.position_mm, line.quaternion, usable, axes, hand)
-    recorded = Recorded(layout, segments, axes, hand, bool(body.has_anatomy.any()), declared)
+    motion = motion_of(line.position_mm, line.quaternion, usable, recorded.axes, recorded.hand)
     search = find_mistakes(motion, body, [] if jumping else hypotheses(recorded, motion))
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
-        return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
+        return [Finding("spikes", REFUSED, "all", recorded.declared.unmapped)], search
     flips = _flips(line, sign, segments)
     if flips:
-        as_read = motion_of(as_recorded.position_mm, line.quaternion, usable, axes, hand)
+        as_read = motion_of(as_recorded.position_mm, line.quaternion, usable, recorded.axes, recorded.hand)
         flipped = np.flatnonzero((sign < 0).any(0)).tolist()
         matters = effect(body, explain_joints(as_read, body), explain_joints(motion, body), flipped)
         if matters["gap_after_mm"] > matters["gap_before_mm"] + WIDER_MM:  # so no receiver had flipped
-            rest = (frame, body, layout, segments, hand, declared)
-            return _findings_of_hypotheses(as_recorded, *rest, flipping=False)
+            return _findings_of_hypotheses(as_recorded, frame, body, recorded, flipping=False)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):

@@ -100,8 +100,9 @@ def _check_recording(plan: SubjectPlan, recording: Recording, arguments: Namespa
 
 
 FINGERS = tuple(name for name in DIGITS if name != "thumb")
-PHALANX_MM, KNUCKLE_MM = ((2.0, 5.2), (1.9, 3.5)), ((1.9, 3.5), (1.3, 2.9), (1.4, 2.7))
-SCALE = (0.025, 0.105)
+_PHALANX_MM, _KNUCKLE_MM = [(2.0, 5.2), (1.9, 3.5)], [(1.9, 3.5), (1.3, 2.9), (1.4, 2.7)]
+_SCALE = (0.025, 0.105)
+SAME_SD, OTHERS_SD = np.array([*np.repeat(_PHALANX_MM + _KNUCKLE_MM, len(FINGERS), axis=0), _SCALE]).T
 """SD of a difference between recordings of one person and of two people: proximal and middle phalanges;
 knuckles about their mean, distally, sideways and dorsally; the hand's scale. From our simulated hands."""
 WORN_AGAIN_MM = 0.68
@@ -137,15 +138,13 @@ def compare_recordings(recordings: Sequence[tuple[str, str, CheckedRecording]]) 
         recordings, key=lambda entry: any(f.severity != NOTE for f in entry[2].findings)
     ):
         first_of.setdefault(checked.digest, (hand, task))
-    named = []
-    for task, hand, checked in recordings:
+    compared, others = [], _other_people(recordings)
+    for index, (task, hand, checked) in enumerate(recordings):
         first = first_of[checked.digest] if checked.digest else (hand, task)
-        more = (same_file(*first),) if first != (hand, task) else ()
-        named.append(replace(checked, findings=(*more, *checked.findings)))
-    for index, finding in _other_people(recordings).items():
-        if not any(finding_there.kind == "same-file" for finding_there in named[index].findings):
-            named[index] = replace(named[index], findings=(*named[index].findings, finding))
-    return named
+        copied = [same_file(*first)] if first != (hand, task) else []
+        differs = [others[index]] if index in others and not copied else []
+        compared.append(replace(checked, findings=(*copied, *checked.findings, *differs)))
+    return compared
 
 
 def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Recording, Finding]]:
@@ -171,21 +170,17 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
             for index, sizes in measured.items()
             if not any(finding.kind == "sudden-change" for finding in recordings[index][2].findings)
         }
-        differ = {
-            index: sum(_worn_elsewhere(sizes, other) for other in judging.values())
-            for index, sizes in judging.items()
-        }
         if not judging:
             continue
-        usual = min(judging, key=lambda index: (differ[index], index))
+        usual = min(  # the first one of those that differ from fewest others
+            judging,
+            key=lambda index: sum(_worn_elsewhere(judging[index], other) for other in judging.values()),
+        )
         for index, sizes in measured.items():
             if _worn_elsewhere(sizes, measured[usual]):
                 first = {"subject": "", "session": "", "hand": hand, "task": recordings[usual][0]}
-                same, others = np.array(
-                    [sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]
-                ).T
                 difference = sizes.sizes - measured[usual].sizes
-                odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
+                odds = 0.5 * difference**2 * (SAME_SD**-2 - OTHERS_SD**-2) - np.log(OTHERS_SD / SAME_SD)
                 if odds.sum() > OTHER_PERSON:
                     scales = {"scale": sizes.scale, "usual": measured[usual].scale}
                     findings[index] = Finding("other-person", SUSPECT, "another", {**first, **scales})

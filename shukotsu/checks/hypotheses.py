@@ -6,7 +6,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations, permutations, product
+from itertools import chain, combinations, permutations, product
 from typing import Any
 
 import numpy as np
@@ -97,12 +97,16 @@ class Recorded:
     axes: Array
     hand: str
     is_hand: bool
-    declared: Declared = TIDY
+    declared: Declared
 
     @property
     def mirror(self) -> Array:
         """Signs of the axes that `SampledMotion` negates: left hands are mirrored."""
         return MIRROR if self.hand == "left" else np.ones(3)
+
+    def mirrored(self, rotation: Array) -> Array:
+        """Convert rotations (..., 3, 3) of the recording to those of its `SampledMotion`, or back."""
+        return rotation * self.mirror[:, None] * self.mirror
 
 
 def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
@@ -156,10 +160,9 @@ def _undo_quaternion_change(
     sense = INVERSE if recorded.declared.rotates == SENSES[1] else np.ones(4)
 
     def undo(motion: SampledMotion) -> SampledMotion:
-        mirror = recorded.mirror
-        file_rotation = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
+        file_rotation = recorded.mirrored(motion.rotation) @ np.swapaxes(recorded.axes, 1, 2)
         turned = matrix(change(from_matrix(file_rotation) * sense) * sense) @ recorded.axes
-        return replace(motion, rotation=turned * mirror[:, None] * mirror)
+        return replace(motion, rotation=recorded.mirrored(turned))
 
     return undo
 
@@ -215,9 +218,7 @@ def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable
 
         read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
         if declared:
-            with warnings.catch_warnings(
-                action="ignore"
-            ):  # in gimbal lock only a sum of angles is determined
+            with warnings.catch_warnings(action="ignore"):  # in gimbal lock only a sum is determined
                 again = Rotation.from_euler(true, factor * read.as_euler(declared))
         else:
             again = Rotation.from_rotvec(factor * read.as_rotvec())
@@ -272,11 +273,10 @@ def _hemispheres(recorded: Recorded, motion: SampledMotion) -> Iterator[Hypothes
     centre = np.median(motion.position_mm, axis=0)
     side = centre @ np.linalg.eigh(centre.T @ centre)[1][:, -1]
     behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0  # opposite to the majority
-    opposite = {int(i) for i in np.flatnonzero(behind)} if behind.sum() > 1 else set()
-    for receivers in [
-        *({receiver} for receiver in range(len(recorded.segments))),
-        *([opposite] if opposite else []),
-    ]:
+    groups = [{receiver} for receiver in range(len(recorded.segments))]
+    if behind.sum() > 1:
+        groups.append({*np.flatnonzero(behind).tolist()})
+    for receivers in groups:
         sign = np.ones((len(recorded.segments), 1))
         sign[list(receivers)] = -1.0
         names = [recorded.segments[receiver] for receiver in sorted(receivers)]
@@ -287,11 +287,8 @@ def _hemispheres(recorded: Recorded, motion: SampledMotion) -> Iterator[Hypothes
 def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
     for first, second in combinations(range(len(recorded.segments)), 2):
         pair = {"segment": recorded.segments[first], "segment_2": recorded.segments[second]}
-        order = list(range(len(recorded.segments)))
-        order[first], order[second] = second, first
-        yield Hypothesis(
-            "receivers-swapped", _undo_permutation(recorded, order), "", pair, frozenset({first, second})
-        )  # fmt: skip
+        undo = _undo_exchange(recorded, [first], [second])
+        yield Hypothesis("receivers-swapped", undo, "", pair, frozenset({first, second}))
 
 
 def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -302,42 +299,35 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
     for first, second in combinations(worn, 2):
         if len(worn[first]) != len(worn[second]):
             continue
-        order = list(range(len(recorded.segments)))
-        for segment, segment_2 in zip(worn[first], worn[second], strict=True):
-            order[segment], order[segment_2] = segment_2, segment
         named = (second, first) if second == "thumb" else (first, second)  # the sentence names a finger last
-        digits: dict[str, Any] = dict(zip(("digit", "digit_2"), named, strict=True))
-        yield Hypothesis(
-            "digits-swapped", _undo_permutation(recorded, order),
-            "two", {**digits, "pairs": _pairs(recorded, worn[first], worn[second])},
-            frozenset({*worn[first], *worn[second]}),
-        )  # fmt: skip
+        digits = dict(zip(("digit", "digit_2"), named, strict=True))
+        values = {**digits, "pairs": _pairs(recorded, worn[first], worn[second])}
+        undo = _undo_exchange(recorded, worn[first], worn[second])
+        yield Hypothesis("digits-swapped", undo, "two", values, frozenset({*worn[first], *worn[second]}))
     fingers = [receivers for name, receivers in worn.items() if name != "thumb"]
     if len(fingers) > 2 and len({len(receivers) for receivers in fingers}) == 1:
-        order = list(range(len(recorded.segments)))
-        for worn_on, stands_for in zip(fingers, fingers[::-1], strict=True):
-            for segment, segment_2 in zip(worn_on, stands_for, strict=True):
-                order[segment] = segment_2
         half = len(fingers) // 2
-        ends = zip(fingers[:half], fingers[: -half - 1 : -1], strict=True)
-        pairs = [pair for segment, segment_2 in ends for pair in _pairs(recorded, segment, segment_2)]
-        yield Hypothesis("digits-swapped", _undo_permutation(recorded, order), "reversed", {"pairs": pairs})
+        near = [*chain.from_iterable(fingers[:half])]
+        far = [*chain.from_iterable(fingers[: -half - 1 : -1])]
+        pairs, undo = _pairs(recorded, near, far), _undo_exchange(recorded, near, far)
+        yield Hypothesis("digits-swapped", undo, "reversed", {"pairs": pairs})
 
 
 def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
-    """Return pairs of corresponding segments' names of two digits."""
+    """Return the pairs of names of corresponding segments, of two digits or of two groups of digits."""
     return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
 
 
-def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[SampledMotion], SampledMotion]:
-    """Return a function that undoes a permutation of receivers, with the axes of each mounting corrected.
+def _undo_exchange(
+    recorded: Recorded, first: Sequence[int], second: Sequence[int]
+) -> Callable[[SampledMotion], SampledMotion]:
+    """Return a function that undoes an exchange of receivers, with the axes of each mounting corrected.
 
-    order : for each segment, the index of the poses that really belong to it.
+    first, second : indices of segments; each of the first has the poses of its counterpart in the second.
     """
-    rows = list(order)
-    exchange = (
-        np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes * recorded.mirror[:, None] * recorded.mirror
-    )
+    rows = np.arange(len(recorded.segments))
+    rows[[*first, *second]] = [*second, *first]
+    exchange = recorded.mirrored(np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes)
 
     def undo(motion: SampledMotion) -> SampledMotion:
         return SampledMotion(
@@ -350,16 +340,14 @@ def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[Sam
 def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
     """Yield quarter, half and third turns of one receiver, or of all receivers, on the bones."""
     for turn in _cube_turns():
-        values: dict[str, Any] = _turn_values(turn, recorded.mirror)
-        # columns are the bone's axes in the receiver's frame
-        axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
+        in_receiver = recorded.mirrored(turn)
+        values = _turn_values(in_receiver)
+        axes = recorded.axes @ in_receiver  # columns are the bone's axes in the receiver's frame
         if np.ptp(axes, axis=0).max() < ALIKE:
             yield Hypothesis("receiver-turned", _undo_turn(turn), "all", values | _axes_values(axes[0]))
         for index, segment in enumerate(recorded.segments):
-            yield Hypothesis(
-                "receiver-turned", _undo_turn(turn, index), "one",
-                values | _axes_values(axes[index]) | {"segment": segment}, frozenset({index}),
-            )  # fmt: skip
+            of_one = values | _axes_values(axes[index]) | {"segment": segment}
+            yield Hypothesis("receiver-turned", _undo_turn(turn, index), "one", of_one, frozenset({index}))
 
 
 def _cube_turns() -> Array:
@@ -394,9 +382,8 @@ def _undo_turn(turn: Array, receiver: int | slice = slice(None)) -> Callable[[Sa
     return undo
 
 
-def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
+def _turn_values(in_receiver: Array) -> dict[str, Any]:
     """Return the angle in degrees and the receiver's axis of a turn; the axis is "" for a diagonal."""
-    in_receiver = turn * mirror[:, None] * mirror
     turned = from_matrix(in_receiver)
     degrees, axis = round(float(np.degrees(angle(turned)))), turned[1:]
     along = np.flatnonzero(np.abs(axis) > 0.3)

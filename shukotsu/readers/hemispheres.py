@@ -19,7 +19,7 @@ from shukotsu.arrays import Array, Integers
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import matrix, unit
-from shukotsu.readers.jumps import OwnSides, solve_centres
+from shukotsu.readers.jumps import OwnSides, ReceiverPoses, solve_centre, solve_centres
 from shukotsu.study.layout import Layout
 
 LONGEST_LEVER_MM = 600.0
@@ -37,9 +37,6 @@ DECIDED = 1.0
 """Log odds above which the side of a receiver counts as decided."""
 CERTAIN = 5.0
 """Log odds above which joints overrule the side that a receiver's own positions suggest."""
-
-Poses = tuple[Integers, Array]
-"""Frames (N,) and numbers (N, 7) of a receiver's valid poses."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +66,7 @@ def expected_joints(layout: Layout) -> dict[str, Array]:
 
 def sides(
     receivers: Mapping[str, OwnSides],
-    poses: Callable[[str], Poses],
+    poses: Callable[[str], ReceiverPoses],
     parents: Mapping[str, str],
     expected_mm: Mapping[str, Array],
     *,
@@ -155,7 +152,9 @@ class _Pair:
     child_run: Integers
 
 
-def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
+def _pair(
+    parent: OwnSides, above: ReceiverPoses, child: OwnSides, below: ReceiverPoses, sampled: int = SAMPLED
+) -> _Pair:
     """Return both receivers at the child's frames; the parent is interpolated if they are not in step."""
     frames, positions, runs = [], [], []
     for sided_by, (frame, numbers) in ((parent, above), (child, below)):
@@ -190,7 +189,7 @@ def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Int
 
 
 def _settle(
-    receivers: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
+    receivers: Mapping[str, OwnSides], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
 ) -> dict[str, OwnSides]:
     """Flip those runs of receivers that their joints contradict.
 
@@ -264,8 +263,7 @@ class _Link:
         weight = np.ones(len(self.turn))
         for _ in range(8):
             root = np.sqrt(weight)[:, None]
-            turn, apart = self.turn * root[..., None], self.apart[:, 0] * root
-            centre = solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0]
+            centre = solve_centre(self.turn * root[..., None], self.apart[:, 0] * root)
             gap_mm = self.gaps_mm(centre)[:, 0]
             usual_mm = float(np.median(gap_mm))
             weight = 1 / (1 + np.square(gap_mm / max(2 * usual_mm, 1e-6)))
@@ -291,8 +289,7 @@ class _Link:
             gaps_mm = few.gaps_mm(best)
             rows, chosen = np.arange(len(gaps_mm)), gaps_mm.argmin(1)
             closes = gaps_mm[rows, chosen] < LARGEST_GAP_MM
-            apart = few.apart[rows, chosen][closes].reshape(1, -1)
-            best = np.asarray(solve_centres(few.turn[closes].reshape(-1, 6), apart)[0])
+            best = solve_centre(few.turn[closes], few.apart[rows, chosen][closes])
         return best
 
     def _trial(self, rows: Integers) -> Array:

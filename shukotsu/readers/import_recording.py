@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples
     from shukotsu.study.layout import Layout
     from shukotsu.study.mapping import FileMapping
-
-    PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 _DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
 """Keys of a mapping that describe its numbers; stored in the table for the checks."""
@@ -52,11 +50,14 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
-    """Return the reader of the mapping's format, else of the named one, or for "auto" of the file's ending.
+def read_parts(
+    path: Path, layout: Layout, mapping: FileMapping | None = None, name: str = AUTO
+) -> Iterator[Samples]:
+    """Read a recording in one or more parts; a part's notes are about the whole recording.
 
-    The reader yields a recording in one or more parts; a part's notes are about the whole recording. Raises
-    InputError if the ending is unknown or that of a format that needs a mapping.
+    It is read in the mapping's format, else in the format with this name or, for "auto", that of the file's
+    ending. Raises InputError if the ending is unknown or that of a format that needs a mapping, and as the
+    format's reader does.
     """
     from shukotsu.readers.samples import Samples
     from shukotsu.tables.text_files import open_text
@@ -76,13 +77,8 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
                 "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
             )
         function = named.reader
-    read = function_of("shukotsu.readers.formats", function)
-
-    def parts(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
-        samples = read(path, layout, mapping)
-        return iter([samples]) if isinstance(samples, Samples) else samples
-
-    return parts
+    samples = function_of("shukotsu.readers.formats", function)(path, layout, mapping)
+    return iter([samples]) if isinstance(samples, Samples) else samples
 
 
 def import_recording(arguments: argparse.Namespace) -> None:
@@ -99,12 +95,11 @@ def import_recording(arguments: argparse.Namespace) -> None:
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping, arguments.hand)
-    read = find_parts_reader(arguments.file, arguments.format, mapping)
     parts_without_rows: list[Samples] = []
 
     def parts() -> Iterator[Samples]:
         with reading_user_tables():
-            for part in read(arguments.file, layout, mapping):
+            for part in read_parts(arguments.file, layout, mapping, arguments.format):
                 parts_without_rows.append(part.take(slice(0)))
                 yield part
 
@@ -130,14 +125,14 @@ def import_recording(arguments: argparse.Namespace) -> None:
         inputs += [] if arguments.mapping is None else [arguments.mapping]
         parameters = {**_parameters(arguments, layout.name, absent), "notes": stored_notes}
         parameters["unmapped"] = [s for s in layout.expected if s not in worn]
-        if mapping is not None:
-            declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
-            unit = mapping.config.get("csv", {}).get("time_unit")
-            parameters["mapping"] = declared if unit is None else {**declared, "csv": {"time_unit": unit}}
-        parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
-        more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
-        more["clusters"] = remarks.clusters
-        parameters |= {key: value for key, value in more.items() if value}
+        parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
+        config = {} if mapping is None else mapping.config
+        declared = {key: config[key] for key in _DECLARED if key in config}
+        if unit := config.get("csv", {}).get("time_unit"):
+            declared["csv"] = {"time_unit": unit}
+        optional: dict[str, Any] = {"mapping": declared, "breaks": poses.breaks, "clusters": remarks.clusters}
+        optional |= {"tracker": remarks.tracker, "orientation": remarks.orientation}
+        parameters |= {key: value for key, value in optional.items() if value}
         write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 

@@ -340,7 +340,7 @@ def _gap_and_length_mm(above: ReceiverPoses, below: ReceiverPoses) -> Array:
         return np.full(2, np.nan)
     sampled = np.linspace(0, len(both) - 1, min(SAMPLED, len(both))).astype(int)
     turn, apart = _turn_and_apart(above[1][rows[sampled]], below[1][others[sampled]])
-    gap_mm = _rms_gap_mm(turn, apart, _centre(turn, apart))
+    gap_mm = _rms_gap_mm(turn, apart, solve_centre(turn, apart))
     return np.maximum([gap_mm, np.median(np.linalg.norm(apart, axis=-1))], LEAST_GAP_MM)
 
 
@@ -384,22 +384,21 @@ def breaks(
 
     """
     broken = {link: joint for link in links if (joint := _broken_joint(poses(link[0]), poses(link[1]), link))}
-    if len(broken) >= max(2, EVERY * len(links)):
-        frames = [broken_joint.frame for broken_joint in broken.values()]
-        if np.ptp(frames) <= LEAP_POSES:
-            usual = broken[links[0]] if links[0] in broken else next(iter(broken.values()))
-            grown = float(np.median([broken_joint.grown for broken_joint in broken.values()]))
-            return [Break(tuple(segments), min(frames), usual.until, grown)]
+    every = [*broken.values()]
+    frames = [joint.frame for joint in every]
+    if len(every) >= max(2, EVERY * len(links)) and np.ptp(frames) <= LEAP_POSES:
+        grown = float(np.median([joint.grown for joint in every]))
+        return [Break(tuple(segments), min(frames), every[0].until, grown)]
     out: list[Break] = []
     parents = {child: parent for parent, child in links}
     while broken:
-        ends = [name for broken_joint in broken.values() for name in broken_joint.segments]
+        ends = [name for joint in broken.values() for name in joint.segments]
         joints = {name: sum(name in link for link in links) for name in ends}
         # the receiver with most broken joints, then with the largest share of its joints broken, then the one
         # farther from the body
         culprit = max(joints, key=lambda name: (ends.count(name), -joints[name], ends[::-1].index(name)))
-        of_culprit = [broken_joint for broken_joint in broken.values() if culprit in broken_joint.segments]
-        first = min(of_culprit, key=lambda broken_joint: broken_joint.frame)
+        of_culprit = [joint for joint in broken.values() if culprit in joint.segments]
+        first = min(of_culprit, key=lambda joint: joint.frame)
         grown = float(np.median([joint.grown for joint in of_culprit]))
         out.append(Break((culprit,), first.frame, first.until, grown))
         broken = {link: joint for link, joint in broken.items() if culprit not in link}
@@ -409,7 +408,7 @@ def breaks(
         for parent, child in links if above else ():  # the culprit's children may be broken, too
             if parent == culprit and (joint := _broken_joint(poses(above), poses(child), (above, child))):
                 broken[above, child] = replace(joint, segments=(child,))
-    return sorted(out, key=lambda broken_joint: broken_joint.frame)
+    return sorted(out, key=lambda joint: joint.frame)
 
 
 def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, str]) -> Break | None:
@@ -422,7 +421,7 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
     turn, apart = _turn_and_apart(parent[sampled], child[sampled])
     distance_mm = np.linalg.norm(child[:, :3] - parent[:, :3], axis=-1)
     open_mm = max(OPEN_MM, OPEN_SHARE * float(np.median(distance_mm[sampled])))
-    whole_mm = _rms_gap_mm(turn, apart, _centre(turn, apart))
+    whole_mm = _rms_gap_mm(turn, apart, solve_centre(turn, apart))
     if whole_mm < open_mm:
         return None
     best, least = None, np.inf
@@ -431,7 +430,7 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
         if not FEWEST <= split <= len(sampled) - FEWEST:
             continue
         sides = slice(0, split), slice(split, None)
-        centres = [_centre(turn[side], apart[side]) for side in sides]
+        centres = [solve_centre(turn[side], apart[side]) for side in sides]
         gaps_mm = [_rms_gap_mm(turn[s], apart[s], middle) for s, middle in zip(sides, centres, strict=True)]
         sizes_mm = [float(np.median(distance_mm[sampled[side]])) for side in sides]
         shares = [gap / max(size, LEAST_GAP_MM) for gap, size in zip(gaps_mm, sizes_mm, strict=True)]
@@ -488,8 +487,8 @@ def solve_centres(turn: Array, apart: Array) -> Array:
     return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)
 
 
-def _centre(turn: Array, apart: Array) -> Array:
-    """Return the joint's centre in both receivers' frames, mm, (6,)."""
+def solve_centre(turn: Array, apart: Array) -> Array:
+    """Return one joint's centre, (6,) mm, from turn (N, 3, 6) and apart (N, 3), see `solve_centres`."""
     return np.asarray(solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0])
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
-from shukotsu.readers.import_recording import find_parts_reader
-from shukotsu.study.file_formats import AUTO
+from shukotsu.readers.import_recording import read_parts
 
 if TYPE_CHECKING:
     from shukotsu.tracker.emulated_device import PlayedMotion
@@ -26,7 +25,7 @@ def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -
     from shukotsu.tracker.emulated_device import MAX_STATION, recorded_motion
 
     layout = read_layout(layout_name)
-    samples = join_samples(find_parts_reader(path, AUTO)(path, layout, None))
+    samples = join_samples(read_parts(path, layout))
     receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
     receivers[receivers > MAX_STATION] = 0
     station = receivers[samples.segment]

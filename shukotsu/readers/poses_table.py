@@ -22,7 +22,7 @@ import pyarrow as pa
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.readers.hemispheres import sides
-from shukotsu.readers.jumps import OwnSides, breaks, exchanges, own_sides, spikes
+from shukotsu.readers.jumps import OwnSides, ReceiverPoses, breaks, exchanges, own_sides, spikes
 from shukotsu.readers.samples import Samples, unwrapped_frames
 from shukotsu.tables.limits import FARTHEST_MM
 from shukotsu.tables.poses import NUMBERS
@@ -71,7 +71,6 @@ ROW_GROUP_FRAMES = 1 << 15
 """Two minutes at 240 Hz. Reading frame by frame needs one row group of every segment in memory."""
 MEMORY_BYTES = 2 << 20
 """Size above which a segment's rows are kept in a file instead of in memory."""
-IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 _BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
 
@@ -359,15 +358,13 @@ class _Recording:
             when = _when(self.files[gap.segments[-1]].rows(), gap.frame)
             yield {**seen, "percent": 100 * left, **when}
 
-    def _believed(
-        self,
-    ) -> tuple[list[str], Callable[[str], tuple[Integers, Array]], list[tuple[str, str]]]:
+    def _believed(self) -> tuple[list[str], Callable[[str], ReceiverPoses], list[tuple[str, str]]]:
         """Return the segments with usable poses, a function that reads these, and the joints between them."""
         names = [name for name, segment in self.segments.items() if segment.usable]
         links = [(self.parents[name], name) for name in names if self.parents.get(name, "") in names]
         return names, lambda name: self._poses(name, _BIT["hemisphere-undecided"]), links
 
-    def _poses(self, name: str, without: np.uint32 | int = 0) -> tuple[Integers, Array]:
+    def _poses(self, name: str, without: np.uint32 | int = 0) -> ReceiverPoses:
         """Return frames and numbers of a segment's usable rows; without : bits of flags to exclude."""
         rows = self.files[name].rows()
         rows = rows[_usable(rows) & ((rows["flags"] & without) == 0)]

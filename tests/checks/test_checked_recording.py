@@ -10,11 +10,10 @@ from benchmarks.faultless_hands import Planted, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.hand.rotations import matrix, multiply
-from shukotsu.readers.import_recording import find_parts_reader
-from shukotsu.readers.samples import join_samples
+from shukotsu.readers.import_recording import import_for_the_moment
 from shukotsu.study.findings import SUSPECT
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import read_poses
 
 LAYOUT = read_layout("liberty16")
 
@@ -63,14 +62,12 @@ def test_no_repair_is_advised_if_the_hemisphere_is_undecidable(planted: Planted)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_a_real_arm_has_no_finding_but_planted_mistakes_do(real_data: Path, side: str) -> None:
+def test_a_real_arm_has_no_finding_but_planted_mistakes_do(
+    real_data: Path, tmp_path: Path, side: str
+) -> None:
     path, layout = real_data / "upper_limb_poses" / f"racing_{side}.csv", read_layout("arm")
-    samples = join_samples(find_parts_reader(path, "auto", None)(path, layout, None))
-    shape, order = (-1, len(layout.measured)), np.lexsort((samples.segment, samples.frame))
-    numbers = samples.numbers[order].reshape(*shape, 7)
-    frame, time_s = (array[order].reshape(shape)[:, 0] for array in (samples.frame, samples.time_s))
-    valid = np.isfinite(numbers).all(-1)
-    arm = Planted(Poses(layout.measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid), side)
+    import_for_the_moment(path, "arm", side, tmp_path / "poses.parquet")
+    arm = Planted(read_poses(tmp_path / "poses.parquet", layout.measured), side)
     assert check_recording(arm.poses, layout, side).findings == ()
     for name in (*OTHERS[:2], "metres read as mm", "one axis negated", "axes in another order"):
         kind, mistake = MISTAKES[name]

@@ -12,36 +12,34 @@ from shukotsu.checks.checked_subject import compare_recordings
 from shukotsu.study.findings import NOTE, SUSPECT
 from shukotsu.study.layout import read_layout
 
+Named = tuple[str, str, CheckedRecording]
+"""Task, hand and checked recording."""
+
 
 def checked(planted: Planted) -> CheckedRecording:
     return check_recording(planted.poses, read_layout("liberty16"), planted.hand)
 
 
 @pytest.fixture(scope="module")
-def person() -> list[tuple[str, str, CheckedRecording]]:
+def person() -> list[Named]:
     tasks = (("right", "rom"), ("right", "opposition"), ("left", "rom"))
     return [(task, hand, checked(hand_of(11, hand, task))) for hand, task in tasks]
 
 
 @pytest.fixture(scope="module")
-def other() -> tuple[str, str, CheckedRecording]:
+def other() -> Named:
     return "grip", "right", checked(hand_of(12, task="opposition"))
 
 
-def kinds(recordings: list[tuple[str, str, CheckedRecording]]) -> list[list[tuple[str, str]]]:
-    return [
-        [(each.kind, each.severity) for each in checked.findings]
-        for checked in compare_recordings(recordings)
-    ]
+def kinds(recordings: list[Named]) -> list[list[tuple[str, str]]]:
+    return [[(each.kind, each.severity) for each in c.findings] for c in compare_recordings(recordings)]
 
 
-def test_recordings_of_one_person_have_no_finding(person: list[tuple[str, str, CheckedRecording]]) -> None:
+def test_recordings_of_one_person_have_no_finding(person: list[Named]) -> None:
     assert kinds(person) == [[], [], []]
 
 
-def test_the_recording_of_another_person_is_suspected(
-    person: list[tuple[str, str, CheckedRecording]], other: tuple[str, str, CheckedRecording]
-) -> None:
+def test_the_recording_of_another_person_is_suspected(person: list[Named], other: Named) -> None:
     assert kinds([*person, other])[3] == [("other-person", SUSPECT)]
     assert kinds([other, *person])[:3] == [[("other-person", SUSPECT)], [], []]
     sentence = compare_recordings([*person, other])[3].findings[0].message
@@ -52,15 +50,14 @@ def test_the_recording_of_another_person_is_suspected(
 
 
 def test_a_recording_with_a_sudden_change_is_not_compared_with_others(
-    person: list[tuple[str, str, CheckedRecording]], other: tuple[str, str, CheckedRecording]
+    person: list[Named], other: Named
 ) -> None:
+    poses, layout = hand_of(11).poses, read_layout("liberty16")
     seen = {"segments": ["hand"], "until": False, "grown": 5.0, "percent": 50.0, "first_s": 2.0}
-    broken = check_recording(hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen])
+    broken = check_recording(poses, layout, "right", breaks=[seen])
     assert kinds([("rom", "right", broken), other])[1] == []
     assert kinds([("rom", "right", broken), person[1]]) == [[("sudden-change", SUSPECT)], []]
-    few = check_recording(
-        hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen | {"percent": 9.0}]
-    )
+    few = check_recording(poses, layout, "right", breaks=[seen | {"percent": 9.0}])
     assert few.findings[0].severity == SUSPECT
     assert "receiver hand contradicts its neighbours, first at 2.00 s" in few.findings[0].message
 
@@ -76,7 +73,7 @@ def test_receivers_put_on_again_are_a_note() -> None:
     assert kinds([later]) == [[]], "a recording is not compared with itself"
 
 
-def test_a_copied_recording_is_suspected(person: list[tuple[str, str, CheckedRecording]]) -> None:
+def test_a_copied_recording_is_suspected(person: list[Named]) -> None:
     again = ("copy", "right", person[0][2])
     (finding,) = compare_recordings([*person, again])[3].findings
     assert (finding.kind, finding.severity) == ("same-file", SUSPECT)
@@ -86,9 +83,7 @@ def test_a_copied_recording_is_suspected(person: list[tuple[str, str, CheckedRec
     assert "give a reason under `exclude`" in sentence
 
 
-def test_a_copy_named_as_the_other_hand_is_suspected_alone(
-    person: list[tuple[str, str, CheckedRecording]],
-) -> None:
+def test_a_copy_named_as_the_other_hand_is_suspected_alone(person: list[Named]) -> None:
     copied, right = kinds([("rom", "left", checked(replace(hand_of(11), hand="left"))), person[0]])
     assert copied == [("same-file", SUSPECT), ("wrong-hand", SUSPECT)]
     assert right == []

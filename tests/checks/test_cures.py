@@ -24,9 +24,10 @@ from simulated_poses import hand_of
 from benchmarks.faultless_hands import Planted, changed, exchange_receivers
 from benchmarks.mistakes import BONES, MISTAKES
 from shukotsu.checks.checked_subject import checked_poses
+from shukotsu.checks.hypotheses import SENSES
 from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, unit
-from shukotsu.readers import import_recording
+from shukotsu.readers.import_recording import import_for_the_moment
 from shukotsu.simulate import recording
 from shukotsu.simulate.simulation import LAYOUT
 from shukotsu.study import findings
@@ -34,9 +35,8 @@ from shukotsu.study.config_files import config_path, loaded_yaml, read_config, y
 from shukotsu.study.findings import Finding
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT
-from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.poses import NUMBERS, Poses, read_poses
 
-NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 PARTS = {
     "quaternion": ("1", "2", "3", "4"),
     "euler": ("az", "el", "ro"),
@@ -108,6 +108,12 @@ class LabFile:
         assert self.mapping is not None, f"there is no mapping to write {keys} into"
         return replace(self, mapping={**self.mapping, **keys})
 
+    def with_segments(self, keys: Mapping[str, Mapping[str, Any]]) -> LabFile:
+        """Return the recording with keys of its layout's segments replaced or added."""
+        before = self.layout["segments"]
+        changed = {name: {**before[name], **anew} for name, anew in keys.items()}
+        return replace(self, layout={**self.layout, "segments": {**before, **changed}})
+
 
 def tidy(planted: Planted) -> LabFile:
     columns = recording.tidy(planted.poses).to_pydict()
@@ -125,7 +131,7 @@ def with_stations(planted: Planted) -> LabFile:
 
 def wide(planted: Planted) -> LabFile:
     """Return one row per frame: centimetres, milliseconds, quaternions x, y, z, w of the inverse rotation."""
-    orientation = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
+    orientation = {"kind": "quaternion", "order": "xyzw", "rotates": SENSES[1]}
     numbers = conjugate(planted.poses.quaternion)[..., [1, 2, 3, 0]]
     return _row_a_frame(planted, numbers, orientation, "cm", "ms")
 
@@ -187,14 +193,12 @@ class Result:
             return {}
         quick, segments = FitSettings(n_frames=40, rounds=0), self.layout.segments
         joints = fit_hand(self.recordings, self.layout, self.hand, settings=quick).joints
-        ends = {
-            name: ((joint.parent_segment, joint.parent_mm), (joint.child_segment, joint.child_mm))
-            for name, joint in joints.items()
-        }
-        return {
-            name: np.array([segments[end].axes.T @ centre for end, centre in halves])
-            for name, halves in ends.items()
-        }
+        centre_mm = {}
+        for name, joint in joints.items():
+            in_parent = segments[joint.parent_segment].axes.T @ joint.parent_mm
+            in_child = segments[joint.child_segment].axes.T @ joint.child_mm
+            centre_mm[name] = np.array([in_parent, in_child])
+        return centre_mm
 
 
 def check(lab_file: LabFile) -> Result:
@@ -208,14 +212,12 @@ def check(lab_file: LabFile) -> Result:
         layout.write_text(yaml_text({**lab_file.layout, "layout": "own"}), "utf-8")
         columns = {title: pa.array(column, from_pandas=True) for title, column in lab_file.table.items()}
         pyarrow.csv.write_csv(pa.table(columns), folder / "recording.csv")
-        options = [f"--in={folder / 'recording.csv'}", f"--out={poses}", f"--layout={layout}"]
-        options += [f"--hand={hand}", "--subject=-", "--task=-", "--record-failure"]
+        options = ["--repair-hemisphere"] * (lab_file.sheet.get("hemisphere") == "repair")
         if lab_file.mapping is not None:
             mapping.write_text(yaml_text(lab_file.mapping), "utf-8")
             options.append(f"--mapping={mapping}")
-        options += ["--repair-hemisphere"] * (lab_file.sheet.get("hemisphere") == "repair")
         with redirect_stderr(StringIO()):  # notes of the import
-            import_recording.import_recording(import_recording.build_parser().parse_args(options))
+            import_for_the_moment(folder / "recording.csv", str(layout), hand, poses, *options)
         worn = read_layout(layout)
         checked = checked_poses(poses, worn.of_hand(hand))
         seen = tuple(name for name in worn.expected if name != "forearm")
@@ -251,10 +253,6 @@ def _written(text: str) -> dict[str, Any]:
     """Read the text between backticks as YAML."""
     codes = re.findall("`([^`]+)`", text)
     return {key: value for code in codes for key, value in loaded_yaml(code, "a cure").items()}
-
-
-def _key(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
-    return lab_file.with_keys(**_written(words[1]))
 
 
 def _key_under(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
@@ -294,12 +292,9 @@ def _names_in_file(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFi
     if "segment" in lab_file.table:
         names = lab_file.table["segment"]
         return lab_file.with_columns(segment=np.array([partners.get(name, name) for name in names]))
-    before = lab_file.layout["segments"]
-    segments = {
-        name: {**part, "receiver": before[partners[name]]["receiver"]} if name in partners else part
-        for name, part in before.items()
-    }
-    return replace(lab_file, layout={**lab_file.layout, "segments": segments})
+    segments = lab_file.layout["segments"]
+    stations = {name: {"receiver": segments[other]["receiver"]} for name, other in partners.items()}
+    return lab_file.with_segments(stations)
 
 
 def _exchanged_numbers(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
@@ -321,10 +316,8 @@ def _added(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
 
 def _renamed(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
     old, new = (part.split(", ") for part in (words[1], words[2]))
-    named = lab_file.with_columns(
-        **{title: lab_file.table[name] for name, title in zip(old, new, strict=True)}
-    )
-    return _negated(words[3] or "", named)
+    columns = {title: lab_file.table[name] for name, title in zip(old, new, strict=True)}
+    return _negated(words[3] or "", lab_file.with_columns(**columns))
 
 
 def _negated(names: str, lab_file: LabFile) -> LabFile:
@@ -376,9 +369,7 @@ def _in_layout(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
 
 
 def _under_segment(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
-    segments = lab_file.layout["segments"]
-    turned = {**segments, words[2]: {**segments[words[2]], **_written(words[1])}}
-    return replace(lab_file, layout={**lab_file.layout, "segments": turned})
+    return lab_file.with_segments({words[2]: _written(words[1])})
 
 
 def _in_sheet(column: str, value: str) -> Follow:
@@ -398,10 +389,7 @@ def _looked_up(_words: re.Match[str], _changed_file: LabFile, right: LabFile) ->
 
 
 def _not_worn(words: re.Match[str], lab_file: LabFile, _: LabFile) -> LabFile:
-    before = lab_file.layout["segments"]
-    names = re.findall(r"\w+_\w+", words[1])
-    segments = {name: {**before[name], **_written(words[2])} for name in names}
-    return replace(lab_file, layout={**lab_file.layout, "segments": {**before, **segments}})
+    return lab_file.with_segments(dict.fromkeys(re.findall(r"\w+_\w+", words[1]), _written(words[2])))
 
 
 RULES: Sequence[tuple[str, Follow]] = (
@@ -412,7 +400,7 @@ RULES: Sequence[tuple[str, Follow]] = (
     ),
     (r"write (`in_step: false`) under `csv` and the tracker's `rate_hz` in the mapping", _not_in_step),
     (r"write ((?:`[^`]+`(?: and )?)+) under `(\w+)` in the mapping", _key_under),
-    (r"write (`[^`]+`) in the mapping", _key),
+    (r"write (`[^`]+`) in the mapping", lambda words, lab_file, _: lab_file.with_keys(**_written(words[1]))),
     (r"exchange these names under `receivers` in the mapping: (?P<pairs>.+)\.", _names),
     (r"exchange these names in the file's column .* in the layout: (?P<pairs>.+)\.", _names_in_file),
     (r"rename the file's columns (.+) to ([^.]+?)(?:, and negate (.+))?\.$", _renamed),
@@ -577,19 +565,17 @@ CASES: Sequence[Case] = (
     Case("quaternion-order/inverse-too", "x, y, z, w of the inverse", tidy, _numbers(_inverse_xyzw)),
     Case(
         "quaternion-order/inverse-too", "order: wxyz, rotates", wide,
-        _in_mapping("orientation", order="wxyz", rotates="receiver-to-transmitter"),
+        _in_mapping("orientation", order="wxyz", rotates=SENSES[0]),
     ),
     Case("quaternion-order/order", "w, x, y, z as x, y, z, w", tidy, _numbers(_scalar_first_under_xyzw)),
     Case("quaternion-order/order", "z, w, y, x", wide, _in_mapping("orientation", order="wzyx")),
     Case("quaternion-order/order", "x, w, y, z", wide, _in_mapping("orientation", order="xwyz")),
     Case("quaternion-inverse", "inverse", tidy, _recorded("inverse rotations")),
+    Case("quaternion-inverse", "rotates", wide, _in_mapping("orientation", rotates=SENSES[0])),
     Case(
-        "quaternion-inverse", "rotates", wide, _in_mapping("orientation", rotates="receiver-to-transmitter"),
+        "euler-order/axes", "axes: XYZ, inverse angles", angles,
+        _both(_recorded("inverse rotations"), _in_mapping("orientation", rotates=SENSES[1], axes="XYZ")),
     ),
-    Case("euler-order/axes", "axes: XYZ, inverse angles", angles, _both(
-            _recorded("inverse rotations"),
-            _in_mapping("orientation", rotates="transmitter-to-receiver", axes="XYZ"),
-        )),
     Case(
         "euler-order/fixed", "fixed axes", angles,
         _both(_changed_file(_reversed_columns), _in_mapping("orientation", axes="XYZ")),

@@ -20,6 +20,13 @@ from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import NUMBERS, read_poses
 
 
+def samples_of(segments: tuple[str, ...], frame: np.ndarray, numbers: np.ndarray) -> Samples:
+    """Return samples at 240 Hz; numbers : (T, S, 7)."""
+    count, time_s = len(segments), np.repeat(frame / 240, len(segments))
+    index = np.tile(np.arange(count), len(frame))
+    return Samples(segments, index, np.repeat(frame, count), time_s, numbers.reshape(-1, 7), str)
+
+
 def recorded(
     seed: int, smear: float = 0.0, *, flipped: bool = True
 ) -> tuple[Samples, np.ndarray, dict[str, str]]:
@@ -31,15 +38,8 @@ def recorded(
     seen[..., :3] *= side
     for k in range(1, len(seen)):
         seen[k, :, :3] = smear * seen[k - 1, :, :3] + (1 - smear) * seen[k, :, :3]
-    count, segments = len(seen), chain.poses.segments
-    samples = Samples(
-        segments,
-        np.repeat(np.arange(4), count),
-        np.tile(np.arange(count), 4),
-        np.tile(np.arange(count) / 240, 4),
-        np.concatenate(seen.swapaxes(0, 1)),
-        str,
-    )
+    segments = chain.poses.segments
+    samples = samples_of(segments, np.arange(len(seen)), seen)
     return samples, true, dict(zip(segments[1:], segments, strict=False))
 
 
@@ -76,12 +76,7 @@ def test_without_repair_flipped_poses_are_gaps(seed: int) -> None:
 
 def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
     poses, layout = hand_of(7).poses, read_layout("liberty16")
-    count, segments = poses.valid.shape
-    samples = Samples(
-        poses.segments, np.tile(np.arange(segments), count), np.repeat(poses.frame, segments),
-        np.repeat(poses.time_s, segments),
-        np.concatenate([position_mm, poses.quaternion], -1).reshape(-1, 7), str,
-    )  # fmt: skip
+    samples = samples_of(poses.segments, poses.frame, np.concatenate([position_mm, poses.quaternion], -1))
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     expected_mm = expected_joints(layout)
     return arrays_of(poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True))

@@ -1,6 +1,5 @@
 """Files of other trackers, written as documented, are read with inspect's draft or the guide's mapping."""
 
-import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -41,10 +40,10 @@ class Poses:
         """
         rows = []
         for t in range(FRAMES):
-            tools = zip(self.lost[t], self.turned[t], self.mm[t], strict=True)
-            rows.append(
-                [*lead(t), *itertools.chain(*(gap if lost else cells(q, mm) for lost, q, mm in tools))]
-            )
+            row = [*lead(t)]
+            for lost, pose, mm in zip(self.lost[t], self.turned[t], self.mm[t], strict=True):
+                row += gap if lost else cells(pose, mm)
+            rows.append(row)
         return [mark.join(f"{c:.7f}" if isinstance(c, float) else str(c) for c in row) for row in rows]
 
 

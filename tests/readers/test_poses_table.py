@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from recording_files import columns_of
 
@@ -17,6 +19,7 @@ from shukotsu.readers.jumps import spikes
 from shukotsu.readers.poses_table import FROZEN_FRAMES, PosesTable, poses_table
 from shukotsu.readers.samples import Samples
 from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.poses import NUMBERS
 from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 
 SEGMENTS = ("hand", "thumb", "index")
@@ -43,16 +46,12 @@ def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
 
 def table_rows(table: PosesTable) -> list[dict[str, Any]]:
     """Return the table's rows as dictionaries, NaN as None."""
-    columns = {
-        name: values.tolist() if isinstance(values, np.ndarray) else values.to_pylist()
-        for name, values in columns_of(table).items()
-    }
-    rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
+    rows = pa.table(columns_of(table)).to_pylist()
     return [{k: None if v != v else v for k, v in row.items()} for row in rows]
 
 
 def numbers_of(row: dict[str, Any]) -> list[float | None]:
-    return [row[name] for name in ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")]
+    return [row[name] for name in NUMBERS]
 
 
 def test_rows_are_ordered_by_segment_on_a_full_frame_grid() -> None:
@@ -190,14 +189,8 @@ def any_samples(random: np.random.Generator, order: str) -> Samples:
 
 
 def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
-    columns = (samples.segment, samples.frame, samples.time_s, samples.numbers)
     return [
-        Samples(
-            samples.segments,
-            *(column[first:end] for column in columns),
-            lambda row, first=first: samples.locate(first + row),
-            {flag: marked[first:end] for flag, marked in samples.flags.items()},
-        )
+        replace(samples.take(slice(first, end)), locate=lambda row, first=first: samples.locate(first + row))
         for first, end in itertools.pairwise([0, *sorted(cuts), len(samples.segment)])
     ]
 

@@ -19,7 +19,6 @@ from shukotsu.readers.formats.mapped import (
     Track,
     mapped_segments,
     proper_rotations,
-    required_mapping,
     samples_of_tracks,
     without_marks,
 )
@@ -61,13 +60,12 @@ class C3dFile:
         return len(self.points)
 
 
-def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
+def read_c3d(path: Path, layout: Layout, mapping: FileMapping) -> Samples:
     """Read the clusters and rotations that the mapping names (C3D user guide, www.c3d.org).
 
     Frames keep the file's numbers; time is 0 at the first stored frame. Raises InputError if the file is
     not a C3D file, states another unit than the mapping, or lacks a label that the mapping names.
     """
-    mapping = required_mapping(path, mapping, "a C3D file")
     mapped_segments(mapping, layout)
     file = open_c3d(path)
     mapped_unit = mapping.config["position_unit"]
@@ -87,13 +85,12 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     tracks, notes, clusters = [], [], []
     for segment, receiver in mapping.receivers.items():
         if "markers" in receiver:
-            poses, misfit_mm, note, loose = _of_cluster(file, segment, receiver["markers"], window, mapping)
+            poses, odd, note, loose = _of_cluster(file, segment, receiver["markers"], window, mapping)
             clusters += loose
         else:
             poses, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
-            misfit_mm = np.full(len(window), np.nan)
-        flags = {"misfit": misfit_mm > mapping.details["misfit_mm"]}
-        tracks.append(Track(window, file.first_frame + window, window / rate_hz, poses, flags))
+            odd = np.zeros(len(window), bool)
+        tracks.append(Track(window, file.first_frame + window, window / rate_hz, poses, {"misfit": odd}))
         notes += [note] if note else []
     samples = samples_of_tracks(
         tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes, file.doubts
@@ -396,8 +393,8 @@ def _labels(group: Any) -> tuple[str, ...]:
 
 def _of_cluster(
     file: C3dFile, segment: str, markers: Sequence[str], window: Integers, mapping: FileMapping
-) -> tuple[Array, Array, str, list[dict[str, Any]]]:
-    """Return a cluster's poses (T, 7), its misfit (T,) in mm, a note on both, and the values of a finding.
+) -> tuple[Array, Bools, str, list[dict[str, Any]]]:
+    """Return a cluster's poses (T, 7), where it misfits (T,), a note on both, and the values of a finding.
 
     The list of findings is empty if no frame exceeds the mapping's `misfit_mm`; else its one entry reports
     which of the markers do form rigid groups.
@@ -418,7 +415,7 @@ def _of_cluster(
     )
     odd = misfit > mapping.details["misfit_mm"]
     if not odd.any():
-        return poses, misfit, note, []
+        return poses, odd, note, []
     groups = rigid_groups(points_mm)
     rigid = [f"[{', '.join(markers[index] for index in group)}]" for group in groups]
     loose = {
@@ -428,7 +425,7 @@ def _of_cluster(
         "groups": rigid,
         "whole": [*map(len, groups)] == [len(markers)],
     }
-    return poses, misfit, note, [loose]
+    return poses, odd, note, [loose]
 
 
 def _of_rotation(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -66,11 +66,7 @@ class Cells:
         empty_rows: int = 0,
     ) -> None:
         self.locate = locate
-        self.dropped = (
-            (f"{count_of(empty_rows, 'empty row')} {'is' if empty_rows == 1 else 'are'} left out",)
-            if empty_rows
-            else ()
-        )
+        self.dropped = (f"{count_of(empty_rows, 'empty row', 'are')} left out",) if empty_rows else ()
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
         self._missing = []  # numbers that mean "no value", whatever their decimal mark
@@ -97,17 +93,12 @@ class Cells:
         parts = pc.extract_regex(text, _DATE)
         if unit != DATES and parts.null_count == len(parts):
             return self.reals(name, _TIME) * SECONDS_PER_UNIT[unit]
-        part = {
-            key: pc.struct_field(parts, key) for key in ("day", "h", "m", "s", "sign", "zone_h", "zone_m")
-        }
-        days = pc.strptime(part["day"], "%Y-%m-%d", "s", error_is_null=True)
+        days = pc.strptime(pc.struct_field(parts, "day"), "%Y-%m-%d", "s", error_is_null=True)
         odd = pc.and_(pc.is_null(days), pc.is_valid(text))
         self._refuse_first(odd.to_numpy(), name, _A_DATE)
-        clock = (pc.replace_substring(part[key], ",", ".") for key in ("h", "m", "s", "zone_h", "zone_m"))
-        hours, minutes, seconds, zone_h, zone_m = (
-            pc.replace_substring_regex(texts, "^$", "0").cast(pa.float64()).to_numpy() for texts in clock
-        )
-        sign = np.where(pc.fill_null(pc.equal(part["sign"], "-"), False).to_numpy(), -1.0, 1.0)
+        hours, minutes, seconds, zone_h, zone_m = _clock(parts, "h", "m", "s", "zone_h", "zone_m")
+        west = pc.fill_null(pc.equal(pc.struct_field(parts, "sign"), "-"), False)
+        sign = np.where(west.to_numpy(), -1.0, 1.0)
         whole_s = days.cast(pa.int64()).cast(pa.float64()).to_numpy()
         return np.asarray(whole_s + 3600 * (hours - sign * zone_h) + 60 * (minutes - sign * zone_m) + seconds)
 
@@ -117,8 +108,7 @@ class Cells:
         parts = pc.extract_regex(text, _TIME_OF_DAY)
         odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
         self._refuse_first(odd.to_numpy(), name, "a time as hh:mm:ss")
-        numbers = (pc.replace_substring(pc.struct_field(parts, part), ",", ".") for part in "hms")
-        hours, minutes, seconds = (text.cast(pa.float64()).to_numpy() for text in numbers)
+        hours, minutes, seconds = _clock(parts, *"hms")
         return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
     def wholes(self, name: str) -> npt.NDArray[np.int64]:
@@ -211,6 +201,13 @@ def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt
     out = time_s.copy()
     out[timed] += DAY_S * np.cumsum((steps < -DAY_S / 2).astype(int) - back)
     return out
+
+
+def _clock(parts: pa.ChunkedArray, *groups: str) -> Iterator[npt.NDArray[np.float64]]:
+    """Yield the named groups of matched texts as numbers, (N,): 0 for an absent group, NaN for no match."""
+    for group in groups:
+        text = pc.replace_substring(pc.struct_field(parts, group), ",", ".")
+        yield pc.replace_substring_regex(text, "^$", "0").cast(pa.float64()).to_numpy()
 
 
 def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,42 +56,30 @@ def snake_case(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", parted.lower()).strip("_")
 
 
-def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
-    """Return the mapping, or raise InputError if there is none; what : kind of file, for the message."""
-    if mapping is None:
-        raise InputError(
-            f"{path}: {what} needs a mapping that states its units and receivers; "
-            f"`shukotsu inspect {path} --write-mapping mapping.yaml` writes one to edit"
-        )
-    return mapping
-
-
-def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) -> FileMapping:
+def implied_mapping(where: str, format_: str, names: Sequence[str]) -> FileMapping:
     """Build the mapping of a self-describing file, in which each receiver has the name of its segment.
 
-    key : key of a receiver's entry that holds the name. Raises InputError if there are no names.
+    Raises InputError if there are no names.
     """
     if not names:
         raise InputError(f"{where}: has no receiver with a position or an orientation")
-    receivers = {name: {key: name} for name in names}
+    receivers = {name: {"value": name} for name in names}
     return FileMapping(where, format_, 0.0, None, None, receivers, (), {})
 
 
-def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[str], where: str) -> str:
-    """Return the name that a segment's receiver has in a self-describing file, from `key` of the mapping.
+def name_in_file(mapping: FileMapping, segment: str, names: Sequence[str], where: str) -> str:
+    """Return the name that a segment's receiver has in a self-describing file: `value` in the mapping.
 
     names : all receivers in the file; where : the file, for messages. Raises InputError if the mapping has
-    no such key for the segment, or its value is not among the names.
+    no value for the segment, or it is not among the names.
     """
     receiver = f"{mapping.where}: receivers.{segment}"
-    if key not in mapping.receivers[segment]:
-        raise InputError(f"{receiver}: has no {key}; set it to the receiver's name in the file")
-    name = str(mapping.receivers[segment][key])
+    if "value" not in mapping.receivers[segment]:
+        raise InputError(f"{receiver}: has no value; set it to the receiver's name in the file")
+    name = str(mapping.receivers[segment]["value"])
     if name not in names:
-        guess = nearest(name, names)
-        raise InputError(
-            f"{receiver}: {key} {name!r} is not in {where}, which has {list_names(names)}{guess}"
-        )
+        present = f"{list_names(names)}{nearest(name, names)}"
+        raise InputError(f"{receiver}: value {name!r} is not in {where}, which has {present}")
     return name
 
 
@@ -153,10 +140,10 @@ def samples_of_tracks(
         tracks = [replace(track, numbers=track.numbers[:, columns] * signs) for track in tracks]
     every = [*tracks, *(still for _ in mapping.fixed)]
     rows = np.concatenate([track.row for track in every])
-    parts = []
-    for segment, track in zip(segments.tolist(), every, strict=True):
-        index, numbers = np.full(len(track.row), segment), track.numbers
-        parts.append(Samples(layout.measured, index, track.frame, track.time_s, numbers, str, track.flags))
+    parts = [
+        Samples(layout.measured, np.full(len(t.row), segment), t.frame, t.time_s, t.numbers, str, t.flags)
+        for segment, t in zip(segments.tolist(), every, strict=True)
+    ]
     where, lost = (lambda sample: locate(int(rows[sample]))), tuple(losses)
     return replace(join_samples(parts), locate=where, notes=(*notes, *lost), losses=lost)
 
@@ -227,7 +214,6 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
         axes = [np.eye(3)["XYZ".index(axis)] for axis in orientation["axes"]]
         first, second, third = (about_axis(axis, angles_rad[:, i]) for i, axis in enumerate(axes))
         turned = multiply(multiply(first, second), third)
-        turned = np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, turned)
     if kind != "quaternion":
         turned = np.where(np.isinf(numbers).any(-1, keepdims=True), np.inf, turned)
     return conjugate(turned) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(turned)

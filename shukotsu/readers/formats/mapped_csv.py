@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from shukotsu.readers.formats.mapped import (
     Track,
     mapped_segments,
     quaternions,
-    required_mapping,
     samples_of_tracks,
 )
 from shukotsu.readers.formats.text_table import TextTable, open_table_text
@@ -35,13 +34,12 @@ _MOST_FRAMES = 2.0**40
 
 @dataclass(frozen=True)
 class _Source:
-    """Columns (by title) and rows (N,) of a receiver's numbers."""
+    """Columns of a receiver's numbers, by title."""
 
     position: Sequence[str]
     orientation: Sequence[str]
     time: str | None
     quality: str | None
-    rows: Integers = field(default_factory=lambda: np.arange(0))
 
     @property
     def titles(self) -> list[str]:
@@ -50,9 +48,8 @@ class _Source:
         return [*self.position, *self.orientation, *single]
 
 
-def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
+def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping) -> Samples:
     """Read a table as the mapping's `csv` group describes. Raises InputError if the table does not match."""
-    mapping = required_mapping(path, mapping, "a table that is not a tidy recording")
     mapped_segments(mapping, layout)
     table = mapping.details
     text, where = open_table_text(path, table), f"{mapping.where}: csv"
@@ -83,10 +80,10 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
         rows = dict.fromkeys(sources, every)
     else:
         rows = _rows_of_receivers(cells, receiver, mapping, notes)
-    sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
-    tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
-    times_s = _times(cells, sources, mapping, nanoseconds)
-    tracks = {segment: replace(track, time_s=times_s[segment]) for segment, track in tracks.items()}
+    tracks = {
+        segment: _track(cells, source, rows[segment], mapping, every) for segment, source in sources.items()
+    }
+    tracks = _timed(cells, sources, tracks, mapping, nanoseconds)
     losses = list(filter(None, [text.cut_off(titles)]))
     if table["in_step"]:
         frames = None if frame is None else cells.wholes(frame)
@@ -138,12 +135,12 @@ def _rows_of_receivers(
     return rows_of
 
 
-def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: Integers) -> Track:
-    """Return a receiver's track in the file's order, its frames numbered from 0.
+def _track(cells: Cells, source: _Source, rows: Integers, mapping: FileMapping, every: Integers) -> Track:
+    """Return a receiver's track in the file's order, without times, its frames numbered from 0.
 
-    every : array 0, 1, 2, ... of at least as many entries, of which the frame numbers are a view.
+    rows : (N,) of the receiver. every : array 0, 1, 2, ... of at least as many entries, of which the frame
+    numbers are a view.
     """
-    rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
     turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
     turned = quaternions(turning, mapping.orientation or {}, lambda index: cells.locate(int(rows[index])))
@@ -157,27 +154,30 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     return Track(rows, every[: len(rows)], unknown_s, numbers, {"low-quality": low})
 
 
-def _times(
-    cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping, nanoseconds: str | None
-) -> dict[str, Array]:
-    """Return the times in s of each receiver's rows, NaN if unknown; times of day continue past midnight.
+def _timed(
+    cells: Cells,
+    sources: Mapping[str, _Source],
+    tracks: Mapping[str, Track],
+    mapping: FileMapping,
+    nanoseconds: str | None,
+) -> dict[str, Track]:
+    """Return the tracks with their times in s, NaN if unknown; times of day continue past midnight.
 
     nanoseconds : title of the column whose nanoseconds are added to all times, if any.
     """
-    times_s: dict[str, Array] = {}
-    start_s = np.nan
-    for segment, source in sources.items():
-        if source.time is None:
-            times_s[segment] = np.full(len(source.rows), np.nan)
-        elif (unit := mapping.details["time_unit"]) == TIME_OF_DAY:
-            of_day_s = cells.times_of_day_s(source.time)[source.rows]
-            times_s[segment] = unwrapped_s(of_day_s, start_s)
+    timed, start_s = {}, np.nan
+    for segment, track in tracks.items():
+        time, time_s = sources[segment].time, track.time_s
+        if time is not None and (unit := mapping.details["time_unit"]) == TIME_OF_DAY:
+            of_day_s = cells.times_of_day_s(time)[track.row]
+            time_s = unwrapped_s(of_day_s, start_s)
             start_s = float(next(iter(_finite(of_day_s)), np.nan)) if np.isnan(start_s) else start_s
-        else:
-            times_s[segment] = cells.times_s(source.time, unit)[source.rows]
+        elif time is not None:
+            time_s = cells.times_s(time, unit)[track.row]
         if nanoseconds is not None:
-            times_s[segment] += cells.reals(nanoseconds)[source.rows] * SECONDS_PER_UNIT["ns"]
-    return times_s
+            time_s = time_s + cells.reals(nanoseconds)[track.row] * SECONDS_PER_UNIT["ns"]
+        timed[segment] = replace(track, time_s=time_s)
+    return timed
 
 
 def _in_step(
@@ -216,13 +216,13 @@ def _in_step(
                 "a frame or time column can show which of them belong together: name it as `frame` or `time` "
                 f"in {mapping.where}, or set in_step: false"
             )
-    start = 0 if frames is None else int(frames.min())
-    placed = []
-    for track in tracks.values():
-        time_s = track.time_s
-        if mapping.rate_hz and "time" not in mapping.details and np.isnan(time_s).all():
-            time_s = (track.frame - start) / mapping.rate_hz
-        placed.append(replace(track, time_s=time_s))
+    placed = [*tracks.values()]
+    if mapping.rate_hz and "time" not in mapping.details:
+        start, hz = 0 if frames is None else int(frames.min()), mapping.rate_hz
+        placed = [
+            replace(track, time_s=(track.frame - start) / hz) if np.isnan(track.time_s).all() else track
+            for track in placed
+        ]
     return placed, losses
 
 

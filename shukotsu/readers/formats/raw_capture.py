@@ -78,7 +78,7 @@ def segments_of_receivers(
         if unit != settings.unit:
             raise InputError(f"{mapping.where}: position_unit: is {unit}, but {path} has {settings.unit}")
         stations = {str(station): station for station in there}
-        sources = [name_in_file(mapping, name, "value", [*stations], str(path)) for name in mapping.receivers]
+        sources = [name_in_file(mapping, name, [*stations], str(path)) for name in mapping.receivers]
         return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))
     numbers = ((layout.segments[name].receiver, index) for index, name in enumerate(layout.measured))
     return {number: index for number, index in numbers if number is not None}

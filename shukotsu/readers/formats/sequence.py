@@ -39,7 +39,7 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     transforms, time_s = open_sequence(path)
     tools = tools_of(transforms)
     worn = [name for name in tools if name in layout.measured] or list(tools)
-    mapping = mapping or implied_mapping(str(path), "sequence", "value", worn)
+    mapping = mapping or implied_mapping(str(path), "sequence", worn)
     wanted = {segment: str(group.get("value", segment)) for segment, group in mapping.receivers.items()}
     named = {segment: {"value": tools.get(name, name)} for segment, name in wanted.items()}
     mapping = replace(mapping, receivers=named)
@@ -50,7 +50,7 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
         return f"{path}: Seq_Frame{row:04d}"
 
     for segment in mapping.receivers:
-        matrices = transforms[name_in_file(mapping, segment, "value", list(transforms), str(path))]
+        matrices = transforms[name_in_file(mapping, segment, list(transforms), str(path))]
         turned = from_matrix(proper_rotations(matrices[:, :3, :3], locate))
         position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
         tracks.append(Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))

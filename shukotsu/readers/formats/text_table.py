@@ -13,7 +13,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -89,8 +89,7 @@ class TextTable:
             raise InputError(
                 f"{key}: {self.path} has {count_of(count, 'column')} {wanted!r}; give the column's number"
             )
-        guess = nearest(wanted, self.header)
-        guess = guess or f"; found {list_names([name for name in self.header if name])}"
+        guess = nearest(wanted, self.header) or f"; found {list_names([*filter(None, self.header)])}"
         raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
 
     def cells(self, wanted: Sequence[str]) -> Cells:
@@ -238,19 +237,17 @@ def open_tidy_csv(path: Path) -> TextTable:
     """
     with reading(path), open_text(path) as stream:
         first = stream.readline(LINE_LETTERS)
-    separator = "\t" if b"\t" in first and b"," not in first else ","
-    line, header = next(iter(_first_records(path, partial(open_text, path), separator, 1)), (0, []))
+        stream.seek(max(0, stream.seek(0, io.SEEK_END) - 1))
+        ended = is_ended(stream.read())
+    separator, open_ = "\t" if b"\t" in first and b"," not in first else ",", partial(open_text, path)
+    line, header = next(iter(_first_records(path, open_, separator, 1)), (0, []))
     if not header or not any(map(str.strip, header)):
         raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
     expected = (
         f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
     )
-    names = [name.strip() for name in header]
-    titles = _titles(names)
-    table = TextTable(path, partial(open_text, path), separator, tuple(names), titles, line, expected)
-    with open_text(path) as stream:
-        stream.seek(max(0, stream.seek(0, io.SEEK_END) - 1))
-        return replace(table, ended=is_ended(stream.read()))
+    names = tuple(name.strip() for name in header)
+    return TextTable(path, open_, separator, names, _titles(names), line, expected, ended=ended)
 
 
 def is_ended(data: bytes) -> bool:
@@ -323,10 +320,14 @@ def join_names(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def tables_of(path: Path) -> list[bytes]:
-    """Return the tables of a text, which may follow each other under titles, each as UTF-8 text."""
+    """Return the tables of a text, which may follow each other under titles, each as UTF-8 text.
+
+    A text without several tables is returned whole.
+    """
     with reading(path, "a table as text"):
         data = _with_line_feeds(utf8_bytes(path, read_whole(path, "a table as text")))
-    return [data[start:end] for start, end in _table_bounds(data)]
+    bounds = _table_bounds(data)
+    return [data[start:end] for start, end in bounds] if len(bounds) > 1 else [data]
 
 
 def _table_bounds(data: bytes) -> list[tuple[int, int]]:

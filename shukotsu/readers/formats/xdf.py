@@ -47,12 +47,12 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
             "the sender must describe each (label, marker or object, type, unit)"
         )
     posed = owners(read.channels)
-    mapping = mapping or implied_mapping(where, "xdf", "value", posed)
-    if (mapping.orientation or {}).get("kind", "quaternion") != "quaternion":
+    mapping = mapping or implied_mapping(where, "xdf", posed)
+    usual = {"kind": "quaternion", "order": "wxyz", "rotates": "receiver-to-transmitter"}
+    declared = {**usual, **(mapping.orientation or {})}
+    if declared["kind"] != "quaternion":
         raise InputError(f"{mapping.where}: orientation.kind: must be quaternion in a mapping for XDF")
-    names = [name_in_file(mapping, key, "value", posed, where) for key in mapping.receivers]
-    declared = {"order": "wxyz", "rotates": "receiver-to-transmitter", **(mapping.orientation or {})}
-    declared["kind"] = "quaternion"
+    names = [name_in_file(mapping, key, posed, where) for key in mapping.receivers]
     values, frame, tracks = np.asarray(read.values, float), np.arange(len(read.time_s)), []
 
     def locate(row: int) -> str:

@@ -29,13 +29,13 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
         f"labels: {', '.join(file.labels) or 'none'}",
         extent_line("all points", file.points.reshape(-1, 3)),
     ]
-    missing = np.isnan(file.points).any(-1).mean(0) * 100 if len(file.labels) else np.zeros(0)
+    missing = np.isnan(file.points).any(-1).mean(0) * 100
     worst = sorted(zip(missing, file.labels, strict=False), reverse=True)[:5]
     lines.append(
         "missing: " + (", ".join(f"{label} {share:.0f} %" for share, label in worst if share) or "none")
     )
     if file.rotation_labels:
-        ratio = len(file.matrices) / max(file.frames, 1)
+        ratio = len(file.matrices) / file.frames
         lines.append(f"ROTATION labels: {', '.join(file.rotation_labels)}, {ratio:g} a frame")
     segments = [_named_segment(label, layout) for label in file.labels]
     groups = rigid_groups(file.points, segments)

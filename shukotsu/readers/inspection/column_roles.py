@@ -7,7 +7,7 @@ import operator
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -18,8 +18,6 @@ from shukotsu.readers.formats.mapped import snake_case
 from shukotsu.readers.inspection.description import CHECK, IMPOSSIBLE_EXTENTS, extent, median_step, rate_line
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
 
-POSITION_UNITS = frozenset(UNIT_NAMES.values())
-
 _ANGLES = {"deg": ("deg", "degree", "degrees", "°"), "rad": ("rad", "radian", "radians")}
 _TIMES = {
     "s": ("s", "sec", "secs", "second", "seconds"),
@@ -27,8 +25,6 @@ _TIMES = {
     "us": ("us", "usec", "µs", "μs", "microsecond", "microseconds"),
     "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),
 }
-ANGLE_UNITS, TIME_UNITS = frozenset(_ANGLES), frozenset(_TIMES)
-
 _UNITS = {
     **UNIT_NAMES,
     **{word: unit for units in (_ANGLES, _TIMES) for unit, words in units.items() for word in words},
@@ -143,7 +139,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     numeric = [t for t in numeric if t in named or t not in empty]
     unnamed = [t for t in numeric if t not in named]
     split = {t: split_title(t) for t in unnamed}
-    times = [t for t in unnamed if split[t].unit in TIME_UNITS or any(map(_TIME.search, (t, split[t].name)))]
+    times = [t for t in unnamed if split[t].unit in _TIMES or any(map(_TIME.search, (t, split[t].name)))]
     time = next((t for t in times if _grows(numbers[t])), None)
     within = {t: re.sub(r"n(?:ano)?(secs?)$", r"\1", t, flags=re.I) for t in unnamed}
     nanoseconds = next((t for t, seconds in within.items() if seconds != t and seconds in unnamed), None)
@@ -281,27 +277,24 @@ def _sort(
         sizes = [n for n in (9, 4) if _is_rotation(free, numbers, n)]
         # a rotation must not split a named group
         size = next((n for n in sizes if all({*named.get(t, ())} <= {*free[:n]} for t in free[:n])), 0)
-        if not size and not set(group) <= set(free):
-            group = []
-        if not (size or group):
+        taken = list(free[:size]) or (group if {*group} <= {*free} else [])
+        if not taken:
             run.append(free[0])
             free = free[1:]
             continue
         _sort_triples(run, numbers, roles)
         run = []
-        taken = list(free[:size]) if size else group
-        if len(taken) == 3:
-            (roles.angles if _named_angles(taken) else roles.positions).append(taken)
-        else:
-            (roles.matrices if len(taken) == 9 else roles.quaternions).append(taken)
+        triples = roles.angles if _named_angles(taken) else roles.positions
+        {9: roles.matrices, 4: roles.quaternions, 3: triples}[len(taken)].append(taken)
         free = [title for title in free if title not in taken]
     _sort_triples(run, numbers, roles)
 
 
 def _named_angles(titles: Sequence[str]) -> bool:
     names, units = zip(*map(split_title, titles), strict=True)
-    if not ANGLE_UNITS.isdisjoint(units) or not POSITION_UNITS.isdisjoint(units):
-        return not ANGLE_UNITS.isdisjoint(units)
+    angular = any(unit in _ANGLES for unit in units)
+    if angular or any(unit in MM_PER_UNIT for unit in units):
+        return angular
     return bool(by_azimuth(titles)) or sum(bool(_ANGLE.search(name)) for name in names) >= 2
 
 
@@ -414,7 +407,7 @@ def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]
     titles = [title for group in groups for title in group]
     span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
     why = "mm, cm, m or inch" + (f"; positions span {span:.3g} in this unit" if titles else "")
-    units = _stated_units(titles, POSITION_UNITS)
+    units = _stated_units(titles, MM_PER_UNIT)
     if span and len(units) == 1 and units[0]:
         would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
@@ -428,7 +421,7 @@ def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -
     """Infer the unit of angles from all their titles together, or else from the largest angle."""
     titles = [title for group in groups for title in group]
     by_size = angle_unit_by_size(titles, numbers)
-    units = _stated_units(titles, ANGLE_UNITS)
+    units = _stated_units(titles, _ANGLES)
     if by_size.unit == "deg" and "rad" not in units:
         return Unit("deg", STATED if units == ["deg"] else by_size.why)
     if units == ["deg"] or (units == ["rad"] and by_size.unit == "deg"):
@@ -450,7 +443,7 @@ def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     times, unit = numbers[title], split_title(title).unit
     why = rate_line("s, ms, us or ns", times, SECONDS_PER_UNIT)
     step = median_step(times)
-    if unit not in TIME_UNITS:
+    if unit not in _TIMES:
         for name, seconds in SECONDS_PER_UNIT.items():
             date = _DATES_S[0] < np.nanmedian(times) * seconds < _DATES_S[1]
             if date and step and LEAST_HZ <= 1 / (step * seconds) <= MOST_HZ:
@@ -468,7 +461,7 @@ def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Arr
             yield values
 
 
-def _stated_units(titles: Iterable[str], units: frozenset[str]) -> list[str]:
+def _stated_units(titles: Iterable[str], units: Collection[str]) -> list[str]:
     """Return the distinct units of one kind in titles, with "" for titles without one."""
     every = (split_title(title).unit for title in titles)
     return list(dict.fromkeys(unit if unit in units else "" for unit in every))

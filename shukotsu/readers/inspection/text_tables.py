@@ -81,10 +81,10 @@ class TextForm:
     table: int | None = None
 
     def config(self) -> dict[str, Any]:
-        """Return the format as the mapping's `csv` group, with all keys that reading a table needs."""
-        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
-        config |= {name: value for name in ("comment", "table") if (value := getattr(self, name))}
-        return config | {"missing": []}
+        """Return the format as keys of the mapping's `csv` group."""
+        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header")}
+        optional = {name: getattr(self, name) for name in ("comment", "skip_lines", "table")}
+        return config | {name: value for name, value in optional.items() if value}
 
     def sentence(self) -> str:
         """Describe the format in words."""
@@ -179,15 +179,13 @@ REPEATED_SHARE = 0.2
 class _ReadTable:
     """Columns of a table that were read.
 
-    numbers : title -> (N,). time_of_day, dates : titles of columns with times of day and with dates.
+    numbers : title -> (N,). time_units : title -> `time_unit` of columns with times of day or dates.
     receivers : names in the receiver column if the table has one row per receiver and frame.
     """
 
-    titles: Sequence[str]
     n_rows: int
     numbers: Mapping[str, Array]
-    time_of_day: frozenset[str]
-    dates: frozenset[str]
+    time_units: Mapping[str, str]
     roles: Roles
     receivers: Sequence[str]
 
@@ -198,9 +196,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     Raises InputError if no table can be read.
     """
     tables = tables_of(path)
-    if len(tables) < 2:
-        with open_text(path) as stream:
-            return _describe(path, layout, detect_form(path, stream.read(1 << 20)))
+    if len(tables) == 1:
+        return _describe(path, layout, detect_form(path, tables[0]))
     lines, drafts = [], list[tuple[int, str]]()
     for number, data in enumerate(tables, 1):
         title = data.lstrip().split(b"\n", 1)[0].decode("utf-8", "replace").strip(" ,;\t")
@@ -222,10 +219,10 @@ def describe_table(path: Path, layout: Layout) -> Description:
 @np.errstate(over="ignore", invalid="ignore")  # infinite numbers are reported as such
 def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     """Describe the presumed columns of a table. Raises InputError if the text is not a table."""
-    text = open_table_text(path, form.config())
-    table = _read_columns(text.cells(text.titles), text.titles)
+    text = open_table_text(path, {"skip_lines": 0, "missing": [], **form.config()})
+    table = _read_columns(text.cells(text.titles))
     roles = table.roles
-    joint_angles = [title for title in table.titles if _JOINT_ANGLE.search(title)]
+    joint_angles = [title for title in text.titles if _JOINT_ANGLE.search(title)]
     if len(joint_angles) > 2 and not roles.orientations[1]:
         raise InputError(
             f"{path}: has joint angles ({', '.join(joint_angles[:3])} and so on), from which receiver poses "
@@ -235,9 +232,9 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
-    size = f"{count_of(table.n_rows, 'row')}, {count_of(len(table.titles), 'column')}"
+    size = f"{count_of(table.n_rows, 'row')}, {count_of(len(text.titles), 'column')}"
     lines = [f"a table as text: {size}; {form.sentence()}"]
-    lines += filter(None, [text.cut_off(table.titles)])
+    lines += filter(None, [text.cut_off(text.titles)])
     lines += _column_lines(table, units)
     repeated = 0.0 if roles.receiver else _repeats(roles, table.numbers, lines)
     if roles.orientations[1] and not roles.positions:
@@ -254,24 +251,25 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
         units = units._replace(time=_time_of_tracker(units.time, table.numbers[roles.time]))
     config = _draft_config(table, units, of_stations or (drafted,), layout, asynchronous)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
-    if roles.time in table.time_of_day | table.dates:
-        config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in table.time_of_day else DATES
+    if time_unit := table.time_units.get(roles.time or ""):
+        config["csv"]["time_unit"] = time_unit
     return Description(tuple(lines + remarks), draft(path, config, (f"# {line}" for line in remarks)))
 
 
-def _read_columns(cells: Cells, titles: Sequence[str]) -> _ReadTable:
+def _read_columns(cells: Cells) -> _ReadTable:
     """Read each column as numbers, times of day or dates, depending on its cells."""
-    numbers = _numbers(lambda title: without_marks(cells.reals(title)), titles)
-    texts = [title for title in titles if title not in numbers]
+    numbers = _numbers(lambda title: without_marks(cells.reals(title)), cells.names)
+    texts = [title for title in cells.names if title not in numbers]
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
     dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
     numbers |= of_day | dates
-    roles = find_roles(titles, numbers)
+    time_units = dict.fromkeys(of_day, TIME_OF_DAY) | dict.fromkeys(dates, DATES)
+    roles = find_roles(cells.names, numbers)
     if roles.time and roles.nanoseconds:
         numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
     names = cells.names_in(roles.receiver)[1] if roles.receiver else []
     receivers = sorted(names, key=lambda name: (len(name), name))
-    return _ReadTable(titles, cells.rows, numbers, frozenset(of_day), frozenset(dates), roles, receivers)
+    return _ReadTable(cells.rows, numbers, time_units, roles, receivers)
 
 
 def _column_lines(table: _ReadTable, units: Units) -> list[str]:
@@ -446,15 +444,15 @@ def _receivers(
     return config
 
 
-def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, Any], dict[str, Any]] | None:
+def _by_station(drafted: Mapping[str, Any], layout: Layout) -> list[dict[str, Any]]:
     """Assign receivers without segment names to the layout's stations in order; return right and left ones.
 
-    Returns None unless the receivers are exactly one hand or two, none has a segment's name and the layout
-    has stations. If each name has a distinct number, receivers are ordered by it, else by the file.
+    The list is empty unless the receivers are exactly one hand or two, none has a segment's name and the
+    layout has stations. If each name has a distinct number, receivers are ordered by it, else by the file.
     """
     stations = {name: layout.segments[name].receiver for name in layout.measured}
     if None in stations.values() or not all(key.startswith(CHECK) for key in drafted):
-        return None
+        return []
     numbers = [re.findall(r"\d+", str(next(iter(entry[0].values())))) for entry in drafted.values()]
     each = [int(found[0]) for found in numbers if found and len({*found}) == 1]
     entries = [*drafted.values()]
@@ -464,8 +462,8 @@ def _by_station(drafted: Mapping[str, Any], layout: Layout) -> tuple[dict[str, A
         ordered = sorted(worn, key=lambda name: stations[name] or 0)
         right, left = entries[: len(ordered)], entries[len(ordered) :]
         if len(right) == len(ordered) and len(left) in (0, len(ordered)):
-            return tuple(dict(zip(ordered, part, strict=False)) for part in (right, left))  # type: ignore[return-value]
-    return None
+            return [dict(zip(ordered, part, strict=False)) for part in (right, left)]
+    return []
 
 
 _TRACKERS_HZ = 5, 2000
@@ -522,9 +520,7 @@ def _column(title: str) -> int | str:
 
 def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
     """Return the mapping's `csv` group."""
-    config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
-    config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
-    config |= {name: value for name in ("comment", "skip_lines", "table") if (value := getattr(form, name))}
+    config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide", **form.config()}
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
         config["time_unit"] = time[:2]
@@ -539,11 +535,10 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
         config["quality_above"] = (CHECK, "the limit beyond which a pose is not used; or quality_below")
     if roles.receiver:
         config["receiver"] = (_column(roles.receiver), _doubt(roles, [roles.receiver]))
-        for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
-            titles = groups[0] if groups else []
-            if key == "orientation" and roles.positions and not groups:
-                continue
-            config[key] = (_columns(titles), _doubt(roles, titles))
+        position, turning = next(iter(roles.positions), []), next(iter(roles.orientations[1]), [])
+        config["position"] = (_columns(position), _doubt(roles, position))
+        if turning or not position:
+            config["orientation"] = (_columns(turning), _doubt(roles, turning))
     return config
 
 
@@ -558,7 +553,7 @@ def describe_text(path: Path, layout: Layout) -> Description:
         return describe_table(path, layout)
     table = open_tidy_csv(path)
     blocks = table.blocks(wanted_columns(path, table.header))
-    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
+    return _describe_tidy("CSV", blocks, layout)
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
@@ -574,9 +569,7 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
         metadata = read_metadata(path)
     except InputError:
         if _tidy_header(names):
-            return Description(
-                ("a tidy recording (Parquet): needs no mapping", *_tidy(parquet_blocks(path), layout))
-            )
+            return _describe_tidy("Parquet", parquet_blocks(path), layout)
         raise InputError(
             f"{path}: a Parquet file, but neither a tidy recording nor a table of this project; it has "
             f"{', '.join(kinds)}; rename its columns, or save it as CSV and write a mapping"
@@ -595,17 +588,16 @@ def describe_parquet(path: Path, layout: Layout) -> Description:
 
 
 @np.errstate(over="ignore")  # infinite numbers are printed as such
-def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
+def _describe_tidy(kind: str, blocks: Iterable[Cells], layout: Layout) -> Description:
+    lines = [f"a tidy recording ({kind}): needs no mapping"]
     parts = [part for part in blocks if part.rows]
     if not parts:
-        return ["it has a header but no rows"]
+        return Description((*lines, "it has a header but no rows"))
     frames = np.concatenate([part.wholes("frame") for part in parts])
     time_s = np.concatenate([part.times_s("time_s", "s") for part in parts])
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
-    lines = [
-        f"{count_of(len(frames), 'row')}, frames {frames.min()} to {frames.max()}, "
-        f"{len(np.unique(frames))} of them"
-    ]
+    extent = f"frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"
+    lines.append(f"{count_of(len(frames), 'row')}, {extent}")
     if SEGMENT in parts[0].names:
         segments = list(dict.fromkeys(name for part in parts for name in part.names_in(SEGMENT)[1]))
         lines.append(f"segments: {', '.join(segments)}")
@@ -619,5 +611,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
     whole = np.isfinite(numbers).all(-1)
     lines.append(f"{(~whole).sum()} of {count_of(len(whole), 'row')} lack a number and stay gaps")
     lines.append(extent_line("positions", numbers[:, :3]))
-    norm = np.linalg.norm(numbers[:, 3:], axis=-1)
-    return [*lines, f"quaternions: median norm {np.nanmedian(norm):.5f}"] if whole.any() else lines
+    if whole.any():
+        norm = np.linalg.norm(numbers[:, 3:], axis=-1)
+        lines.append(f"quaternions: median norm {np.nanmedian(norm):.5f}")
+    return Description(tuple(lines))

@@ -13,23 +13,22 @@ import pytest
 from damaged_bytes import assert_read_or_refused, damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recording_files import LIBERTY
 from sample_files import RECORDINGS
 
 from shukotsu.commands.inspect_file import inspect
-from shukotsu.readers.import_recording import find_parts_reader
+from shukotsu.readers.import_recording import read_parts
 from shukotsu.readers.poses_table import poses_table
-from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import read_mapping
 
-LAYOUT = read_layout("liberty16")
-PARENTS = {joint.child: joint.parent_receiver for joint in LAYOUT.solvable}
+PARENTS = {joint.child: joint.parent_receiver for joint in LIBERTY.solvable}
 
 
 def read_poses(path: Path) -> int:
     """Read a recording as import does, up to the rows of the poses table; return its number of frames."""
     mapping_path = path.with_name("mapping.yaml")
     mapping = read_mapping(mapping_path) if mapping_path.exists() else None
-    parts = find_parts_reader(path, "auto", mapping)(path, LAYOUT, mapping)
+    parts = read_parts(path, LIBERTY, mapping)
     with closing(poses_table(parts, PARENTS, path.parent)) as poses:
         list(poses.row_groups())
         return len(poses.frame)

@@ -60,16 +60,6 @@ def refuse(tmp_path: Path, text: str, mapping: dict[str, Any], message: str) -> 
     recording_files.refuse(tmp_path / "old.txt", message, ARM, mapping)
 
 
-def check_wide(samples: Samples) -> None:
-    forearm, hand = of(samples, "forearm"), of(samples, "hand")
-    np.testing.assert_allclose(samples.numbers[forearm, :3], [[10, 20, 30], [15, 20, 30]])
-    np.testing.assert_allclose(samples.numbers[forearm, 3:], [[HALF, 0, 0, HALF], [HALF, 0, HALF, 0]])
-    np.testing.assert_allclose(samples.numbers[hand, 3:], [[1, 0, 0, 0], [HALF, HALF, 0, 0]])
-    for segment in (forearm, hand):
-        np.testing.assert_array_equal(samples.frame[segment], [0, 1])
-        np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
-
-
 TIMES = (
     "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n{},1,2,3,0,0,0,4,5,6,0,0,0\n{},1,2,3,0,0,0,4,5,6,0,0,0\n"
 )
@@ -116,7 +106,14 @@ def test_times_of_day_become_seconds_across_midnight(
     }.values(),
 )
 def test_a_wide_table_is_read_in_every_text_format(tmp_path: Path, text: str, csv: dict[str, Any]) -> None:
-    check_wide(read(tmp_path, text, changed(WIDE, csv)))
+    samples = read(tmp_path, text, changed(WIDE, csv))
+    forearm, hand = of(samples, "forearm"), of(samples, "hand")
+    np.testing.assert_allclose(samples.numbers[forearm, :3], [[10, 20, 30], [15, 20, 30]])
+    np.testing.assert_allclose(samples.numbers[forearm, 3:], [[HALF, 0, 0, HALF], [HALF, 0, HALF, 0]])
+    np.testing.assert_allclose(samples.numbers[hand, 3:], [[1, 0, 0, 0], [HALF, HALF, 0, 0]])
+    for segment in (forearm, hand):
+        np.testing.assert_array_equal(samples.frame[segment], [0, 1])
+        np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
 
 
 def test_a_long_table_is_read_by_receiver_and_frame(tmp_path: Path) -> None:

@@ -24,6 +24,10 @@ def translated(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]
     return {"kind": kind, "rotates": rotates, **keys}
 
 
+def rotation(quaternion: np.ndarray) -> Rotation:
+    return Rotation.from_quat(quaternion, scalar_first=True)
+
+
 def same(first: np.ndarray, second: np.ndarray) -> None:
     assert angle(multiply(conjugate(first), second)).max() < 1e-7
 
@@ -46,18 +50,10 @@ def test_a_trakstars_angles_and_matrices_are_inverse_rotations() -> None:
         ("quaternion", {"order": "wxyz"}, lambda q: q),
         ("quaternion", {"order": "xyzw"}, lambda q: q[:, [1, 2, 3, 0]]),
         ("matrix", {}, lambda q: matrix(q).reshape(-1, 9)),
-        (
-            "rotation-vector",
-            {"unit": "deg"},
-            lambda q: Rotation.from_quat(q, scalar_first=True).as_rotvec(True),
-        ),
-        ("rotation-vector", {"unit": "rad"}, lambda q: Rotation.from_quat(q, scalar_first=True).as_rotvec()),
+        ("rotation-vector", {"unit": "deg"}, lambda q: rotation(q).as_rotvec(True)),
+        ("rotation-vector", {"unit": "rad"}, lambda q: rotation(q).as_rotvec()),
         *(
-            (
-                "euler",
-                {"axes": axes, "unit": "rad"},
-                lambda q, axes=axes: Rotation.from_quat(q, scalar_first=True).as_euler(axes),
-            )
+            ("euler", {"axes": axes, "unit": "rad"}, lambda q, axes=axes: rotation(q).as_euler(axes))
             for axes in ("ZYX", "XYZ", "ZXZ", "YXZ")
         ),
     ],

@@ -8,14 +8,10 @@ import captures
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from recording_files import LIBERTY, WHO
+from recording_files import WHO, read, refuse
 
 from benchmarks.benchmark_table import run_python
 from shukotsu.commands.import_file import main
-from shukotsu.errors import InputError
-from shukotsu.readers.formats.raw_capture import read_capture
-from shukotsu.readers.samples import join_samples
-from shukotsu.study.mapping import mapping_from_config
 from shukotsu.tables.typed_table import read_metadata
 
 STATIONS = tuple(range(1, 17))
@@ -24,7 +20,7 @@ STATIONS = tuple(range(1, 17))
 def test_the_tracker_is_recorded_in_the_metadata(tmp_path: Path) -> None:
     path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
     captures.write(path, map(captures.cycle, range(48)))
-    assert join_samples(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"
+    assert read(path).tracker == "LIBERTY"
     assert main([f"--in={path}", f"--out={out}", "--record-failure", *WHO]) == 0
     assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
 
@@ -41,19 +37,15 @@ def test_receivers_are_assigned_by_the_mapping_or_the_layout(
     tmp_path: Path, receivers, segments, note
 ) -> None:
     path = captures.write(tmp_path / "a.arrows", [captures.cycle(frame) for frame in range(20)])
-    mapping = receivers and mapping_from_config(
-        {
-            "format": "capture",
-            "position_unit": "cm",
-            "receivers": {segment: {"value": value} for segment, value in receivers.items()},
-        },
-        "m.yaml",
-    )
+    mapping = receivers and {
+        "format": "capture",
+        "position_unit": "cm",
+        "receivers": {segment: {"value": value} for segment, value in receivers.items()},
+    }
     if segments is None:
-        with pytest.raises(InputError, match=note):
-            join_samples(read_capture(path, LIBERTY, mapping))
+        refuse(path, note, mapping=mapping)
         return
-    samples = join_samples(read_capture(path, LIBERTY, mapping))
+    samples = read(path, mapping=mapping)
     stations = np.rint(samples.numbers[:, 0] / 10).astype(int) - 20
     positions = {(samples.segments[at], n) for at, n in zip(samples.segment, stations.tolist(), strict=True)}
     assert positions == {*segments.items()}

@@ -8,13 +8,11 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import pytest
-import recording_files
-from recording_files import LIBERTY
+from recording_files import LIBERTY, read, refuse
 
 from shukotsu.readers.formats.text_table import open_tidy_csv
 from shukotsu.readers.formats.tidy import parquet_blocks, read_samples, wanted_columns
 from shukotsu.readers.samples import Samples, join_samples
-from shukotsu.study.layout import Layout
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 ROW = "{frame},0.5,{segment},1,2,3,1,0,0,0\n"
@@ -25,14 +23,6 @@ def write(tmp_path: Path, content: str | bytes) -> Path:
     path = tmp_path / "rom.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
-
-
-def read(path: Path) -> Samples:
-    return recording_files.read(path, LIBERTY)
-
-
-def refuse(path: Path, message: str, layout: Layout = LIBERTY) -> None:
-    recording_files.refuse(path, message, layout)
 
 
 @pytest.mark.parametrize(
