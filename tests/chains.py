@@ -53,11 +53,6 @@ def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:
     return np.asarray((size * np.sin(waves * time + phase)).sum(-1))
 
 
-def quaternions(rotation: Rotation) -> Array:
-    """Return the quaternions (w, x, y, z) of scipy's rotations."""
-    return np.asarray(np.roll(rotation.as_quat(), 1, axis=-1))
-
-
 def random_chain(
     seed: int,
     n_segments: int = 4,
@@ -100,7 +95,7 @@ def random_chain(
     poses = as_poses(
         tuple(f"s{i}" for i in range(n_segments)),
         position,
-        np.stack([quaternions(rotation) for rotation in rotations], 1),
+        np.stack([rotation.as_quat(scalar_first=True) for rotation in rotations], 1),
     )
     return Chain(poses, parents, np.array(p), np.array(q), np.array(axis_parent), np.array(axis_child))
 
