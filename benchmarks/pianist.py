@@ -124,7 +124,7 @@ class _Piece:
             self._stroke[0, joint, angle] = 1.0
             rest, bent = self._heights(np.array([[0.0], [1.0]]) * np.eye(5)[0])[:, 0]
             falls.append(rest - bent)
-        self._stroke[0, joints, angles] = falls / np.linalg.norm(falls)
+        self._stroke[0, joints, angles] = np.array(falls) / np.linalg.norm(falls)
         self._bed = float(self._heights(np.zeros((1, 5)))[0].mean()) - 6.0
         self._rest = self._bends_at(self._bed + DIP_MM)
         self._bottom = self._bends_at(self._bed) - self._rest
