@@ -7,7 +7,7 @@ import importlib
 import os
 import sys
 
-from benchmarks.benchmark_table import add_people, write_tables
+from benchmarks.benchmark_table import write_tables
 
 BENCHMARKS = {
     "cost": "time and memory of whole studies, and of fitting, posing and judging a hand",
@@ -30,14 +30,17 @@ def main(argv: list[str] | None = None) -> int:
         prog=f"python -m benchmarks {name}", description=benchmark.__doc__, allow_abbrev=False
     )
     if hasattr(benchmark, "PEOPLE"):
-        add_people(parser, *benchmark.PEOPLE)
+        people, seed = benchmark.PEOPLE
+        parser.add_argument(
+            "--hands", "--people", dest="n_hands", type=int, default=people, help=f"drawn hands ({people})"
+        )
+        parser.add_argument("--seed", type=int, default=seed, help=f"seed of the first person ({seed})")
     if hasattr(benchmark, "add_options"):
         benchmark.add_options(parser)
-    page, section = getattr(benchmark, "WRITTEN_TO", ("", ""))
-    if page:
-        parser.add_argument("--write", action="store_true", help=f"write the tables to docs/{page}")
+    page, section = benchmark.WRITTEN_TO
+    parser.add_argument("--write", action="store_true", help=f"write the tables to docs/{page}")
     options = vars(parser.parse_args(argv[1:]))
-    write, tables = options.pop("write", False), []
+    write, tables = options.pop("write"), []
     for table in benchmark.run(**options):
         print(table, end="\n\n", flush=True)
         tables.append(table)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import PrintedTable, of_each_person
+from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.length_pulls import pull_rows
 from shukotsu.scores.agreement import ACROSS, Estimate, compare_pairs
@@ -28,11 +28,11 @@ KINDS = ("thumb metacarpal", "metacarpal", "proximal", "middle", "distal")
 def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     """Yield the table over n_hands people: both hands, two sessions and two recordings of each."""
     rows = [row for person in of_each_person(one_person, n_hands, seed) for row in person]
-    table: list[tuple[str | float | int, ...]] = []
+    table: list[Row] = []
     for across in ACROSS:
         for kind in ("all", *KINDS):
             z = np.array([r["z"] for r in rows if r["across"] == across and kind in ("all", r["kind"])])
-            inside = 100 * float(np.mean(np.abs(z) <= 1.96))
+            inside = percent(np.abs(z) <= 1.96)
             table.append((across, kind, len(z), float(np.sqrt(np.mean(z**2))), float(z.std()), inside))
     columns = ("across", "bones", "pairs:d", "times expected:.2f", "sd of z:.2f", "in 95 %:.0f")
     meaning = (

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
+from statistics import fmean
+from typing import Any, TypeVar
 
 from shukotsu.tables.text_files import replaced_between
 from shukotsu.tables.whole_files import write_text
 
 T = TypeVar("T")
 Cell = str | float | int | None
+Row = tuple[Cell, ...]
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -37,7 +38,7 @@ class PrintedTable:
         First line.
     columns : sequence of str
         For each column "name", or "name:format" with a format as in an f-string.
-    rows : sequence of tuple
+    rows : sequence of Row
         Cells; None is printed as a dash.
     meaning : str
         Explanation of the numbers, printed below the table.
@@ -46,30 +47,28 @@ class PrintedTable:
 
     title: str
     columns: Sequence[str]
-    rows: Sequence[tuple[Cell, ...]]
+    rows: Sequence[Row]
     meaning: str
 
-    @property
-    def heads(self) -> list[str]:
-        """Names of the columns."""
-        return [column.rpartition(":")[0] or column for column in self.columns]
-
     def __str__(self) -> str:
+        heads = [column.rpartition(":")[0] or column for column in self.columns]
         forms = [column.rpartition(":")[2] if ":" in column else "" for column in self.columns]
-        body = [[_text(cell, form) for cell, form in zip(row, forms, strict=True)] for row in self.rows]
-        widths = [max(map(len, column)) for column in zip(self.heads, *body, strict=True)]
+        body = [
+            ["-" if cell is None else format(cell, form) for cell, form in zip(row, forms, strict=True)]
+            for row in self.rows
+        ]
+        widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
         aligns = [">" if form else "<" for form in forms]
         lines = [
             "  ".join(f"{c:{a}{w}}" for c, a, w in zip(cells, aligns, widths, strict=True)).rstrip()
-            for cells in [self.heads, ["-" * width for width in widths], *body]
+            for cells in [heads, ["-" * width for width in widths], *body]
         ]
         return "\n".join([self.title, *lines, *textwrap.wrap(self.meaning, _WIDTH)])
 
 
-def _text(cell: Cell, form: str) -> str:
-    if cell is None:
-        return "-"
-    return cell if isinstance(cell, str) else format(cell, form)
+def percent(values: Iterable[Any]) -> float:
+    """Return the mean of numbers in percent: of booleans, the share of those that are true."""
+    return 100.0 * fmean(values)
 
 
 def write_tables(page: str, tables: Sequence[PrintedTable], command: str, section: str) -> None:
@@ -100,12 +99,6 @@ def _entry(file: str, name: str) -> str:
     path = Path(file)
     lines = path.read_text("utf-8").splitlines() if path.is_file() else []
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
-
-
-def add_people(parser: argparse.ArgumentParser, n_hands: int, seed: int) -> None:
-    """Add options for the number of drawn hands and the first seed."""
-    parser.add_argument("--hands", dest="n_hands", type=int, default=n_hands, help=f"drawn hands ({n_hands})")
-    parser.add_argument("--seed", type=int, default=seed, help=f"seed of the first person ({seed})")
 
 
 def of_each_person(measured: Callable[[int], T], n_people: int, seed: int) -> list[T]:

@@ -7,6 +7,7 @@ import os
 import re
 import tempfile
 import time
+import timeit
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
@@ -15,7 +16,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from benchmarks.benchmark_table import Cell, PrintedTable, Usage, run_python, run_study
+from benchmarks.benchmark_table import PrintedTable, Row, Usage, run_python, run_study
 from benchmarks.measured_jobs import KINDS, measured_jobs
 from shukotsu import job
 from shukotsu.fit.fingertips import fingertips
@@ -34,24 +35,24 @@ SEED, CORES, SIMULATED = 42, 2, 2
 
 FRAMES = {"rom": 6000, "opposition": 3774}
 ROLES = {"rom": "calibration", "opposition": "evaluation"}
+RECORDINGS = [(hand, task) for hand in ("right", "left") for task in ROLES]
 MODELS = "paper-fig3-rest, paper-fig3, paper-fig4, paper-fig4-corrected, rigid, whole-hand"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--subjects", type=int, nargs="+", default=[1, 10], help="subjects per study (1 10)")
-    parser.add_argument("--models", default=MODELS, help=f"models of each study ({MODELS})")
     parser.add_argument("--rounds", type=int, default=5, help="repetitions of each measurement of a hand (5)")
 
 
-def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5) -> Iterator[PrintedTable]:
+def run(subjects: Sequence[int], rounds: int) -> Iterator[PrintedTable]:
     """Yield the tables; the last study is run again unchanged, then with one more subject.
 
     rounds : repetitions of the measurements of a hand; 0 leaves them out.
     """
     with tempfile.TemporaryDirectory() as name:
-        simulated, rows = Path(name, "simulated"), list[tuple[Cell, ...]]()
+        simulated, rows = Path(name, "simulated"), list[Row]()
         for index in range(SIMULATED):
-            for hand, task in _recordings():
+            for hand, task in RECORDINGS:
                 who = (f"--subject={index}", f"--hand={hand}", f"--task={task}", f"--seed={SEED}")
                 file = f"{simulated}/{index}_{hand}_{task}"
                 frames = f"--frames={FRAMES[task]}"
@@ -61,13 +62,13 @@ def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5
         for count in subjects:
             folder, jobs = Path(name, f"study-{count}"), list[dict[str, Any]]()
             with measured_jobs(jobs) as address:
-                usage = run_copies(folder, simulated, count, models, **{job.ADDRESS: address})
+                usage = run_copies(folder, simulated, count, **{job.ADDRESS: address})
             rows.append(_row(f"{count} subjects, cold", usage))
             yield stage_table(f"{count} subjects", folder, jobs, usage)
-        rows.append(_row("then nothing changed", run_copies(folder, simulated, count, models)))
-        rows.append(_row("then a subject more", run_copies(folder, simulated, count + 1, models)))
+        rows.append(_row("then nothing changed", run_copies(folder, simulated, count)))
+        rows.append(_row("then a subject more", run_copies(folder, simulated, count + 1)))
     yield PrintedTable(
-        f"studies: {len(models.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
+        f"studies: {len(MODELS.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
         "The whole workflow, including report and figures and Snakemake's start and planning. Recordings are "
@@ -80,7 +81,7 @@ def run(subjects: Sequence[int] = (1, 10), models: str = MODELS, rounds: int = 5
 
 def stage_table(name: str, folder: Path, jobs: Sequence[dict[str, Any]], usage: Usage) -> PrintedTable:
     """Return the time of each stage's jobs, and the time that pyarrow alone takes for their files."""
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for stage in dict.fromkeys(each["stage"] for each in jobs):
         of_stage = [each for each in jobs if each["stage"] == stage]
         taken = [sum(each.get(kind, 0.0) for each in of_stage) for kind in KINDS]
@@ -99,12 +100,13 @@ def stage_table(name: str, folder: Path, jobs: Sequence[dict[str, Any]], usage: 
 
 def _floor_s(folder: Path, of_job: dict[str, Any]) -> float:
     """Return the processor seconds in which pyarrow reads a job's inputs and writes its outputs."""
-    option, seconds = "", 0.0
+    written, seconds = False, 0.0
     for word in of_job["argv"]:
-        option, value = (
-            (word.split("=", 1)[0], word.partition("=")[2]) if word[:2] == "--" else (option, word)
-        )
-        path, written = folder / value, option.startswith("--out")
+        value = word
+        if word.startswith("--"):
+            option, _, value = word.partition("=")
+            written = option.startswith("--out")
+        path = folder / value
         for file in path.glob("*.parquet") if path.is_dir() and value and written else [path]:
             started = time.process_time()
             if file.suffix == ".parquet" and file.is_file():
@@ -118,27 +120,23 @@ def _floor_s(folder: Path, of_job: dict[str, Any]) -> float:
     return seconds
 
 
-def _recordings() -> Iterator[tuple[str, str]]:
-    return ((hand, task) for hand in ("right", "left") for task in ROLES)
-
-
-def run_copies(folder: Path, simulated: Path, subjects: int, models: str, **environment: str) -> Usage:
+def run_copies(folder: Path, simulated: Path, subjects: int, **environment: str) -> Usage:
     """Write a study with links to the simulated recordings for each subject, and run it."""
     sheet = ["subject\thand\ttask\trole\tfile"]
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
     for index in range(subjects):
-        for hand, task in _recordings():
+        for hand, task in RECORDINGS:
             file = folder / "recordings" / f"{index:04}_{hand}_{task}.arrows"
             if not file.exists():
                 os.link(simulated / f"{index % SIMULATED}_{hand}_{task}.arrows", file)
             sheet.append(f"{index:04}\t{hand}\t{task}\t{ROLES[task]}\trecordings/{file.name}")
     (folder / "recordings.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
-    text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{models}]\n"
+    text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{MODELS}]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
     return run_study(folder, CORES, **environment)
 
 
-def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
+def _row(name: str, usage: Usage) -> Row:
     jobs = re.search(r"^total +(\d+)$", usage.output, re.MULTILINE)
     return name, int(jobs[1]) if jobs else 0, usage.seconds, usage.processor_s, usage.memory_mb
 
@@ -161,14 +159,10 @@ def hand_table(rounds: int) -> PrintedTable:
         "errors of the posed frames": (len(task.frame), lambda: posed_errors(tips, posed, frames_of_task)),
         "posing of a single frame": (1, lambda: pose_hand(fit, single)),
     }
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for name, (count, call) in work.items():
-        taken = []
-        for _ in range(rounds):
-            started = time.process_time()
-            call()
-            taken.append(time.process_time() - started)
-        rows.append((name, 1e3 * median(taken), count / median(taken) if count else None))
+        taken_s = median(timeit.repeat(call, timer=time.process_time, repeat=rounds, number=1))
+        rows.append((name, 1e3 * taken_s, count / taken_s if count else None))
     return PrintedTable(
         f"a hand: 16 receivers, {frames[0]} frames calibrated, {frames[1]} posed, {rounds} rounds",
         ("work", "ms:.1f", "frames/s:.0f"),

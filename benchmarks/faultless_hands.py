@@ -85,15 +85,6 @@ def _other(person: other_hands.Person, seed: int, hand: str, task: str, **record
     return Planted(recording.poses, hand)
 
 
-def true_halves(recording: other_hands.DrawnRecording) -> dict[str, Array]:
-    """Return each joint's true centre (2, 3) in the parent's and the child's receiver frame, mm."""
-    return {
-        joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
-        for joint in read_layout(LAYOUT).solvable
-        if {*(ends := (joint.parent_receiver, joint.child))} <= {*recording.poses.segments}
-    }
-
-
 def _other_odd(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:
     people: dict[str, dict[str, Any]] = {
         "thumb's receiver on the nail's side": {"thumb_facing": "nail"},

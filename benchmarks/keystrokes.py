@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -13,35 +12,28 @@ import numpy as np
 import pandas as pd
 
 from benchmarks import pianist
-from benchmarks.benchmark_table import Cell, PrintedTable, run_study, workers
+from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent, run_study
 from benchmarks.pianist import Struck
-from shukotsu.arrays import Array
 from shukotsu.hand.study_frames import read
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 
 WRITTEN_TO = "benchmarks.md", "keystrokes"
-FIRST_SEED = 9900
+PEOPLE = 6, 9900
 TEMPI = {"slow": 0.5, "medium": 0.3, "fast": 0.18}
 """Seconds between keystrokes, by tempo."""
 
-DURATION_S, CALIBRATION_S, ONSET_SD_S, GOES_ALONG = 24.0, 25.0, 0.001, 0.2
+DURATION_S, CALIBRATION_S, ONSET_SD_S = 24.0, 25.0, 0.001
 Strokes = Mapping[str, Sequence[Struck]]
 """Keystrokes by tempo."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of the benchmark."""
-    parser.add_argument("--people", type=int, default=6, help="number of pianists (6)")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"seed of the first ({FIRST_SEED})")
-
-
-def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
-    """Yield the table over that many people."""
+def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
+    """Yield the table over n_hands people."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        truth = write_study(folder, people, seed)
+        truth = write_study(folder, n_hands, seed)
         run_study(folder, 2, "--until", "measure_movement")
         results = folder / "results" / "study"
         strokes = pd.concat([read(results / f"sub-{subject}" / "event_strokes.parquet") for subject in truth])
@@ -52,7 +44,7 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
             "< 4 ms %:.1f", "held:.1f", "speed %:+.1f", "rms:.1f", "held:.1f",
         ),
         [_row(tempo, strokes[strokes["task"] == tempo], truth) for tempo in TEMPI],
-        f"{people} people, {DURATION_S:.0f} s at every tempo; no event names a digit. Digit: strokes with "
+        f"{n_hands} people, {DURATION_S:.0f} s at every tempo; no event names a digit. Digit: strokes with "
         "the right digit, of all and of those used. Contact: error of key_down_s, mean and standard "
         "deviation. Speed: error at contact, mean and rms. Held: % of errors within 1.96 stated sd.",
     )  # fmt: skip
@@ -61,9 +53,8 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
 def write_study(folder: Path, people: int, seed: int) -> dict[str, Strokes]:
     """Write recordings, sheets and study file; return the true keystrokes by subject."""
     subjects = [f"{number:02}" for number in range(people)]
-    with workers() as pool:
-        played = pool.map(partial(_record_person, folder, seed), range(people))
-        truth = dict(zip(subjects, played, strict=True))
+    played = of_each_person(partial(_record_person, folder, seed), people, 0)
+    truth = dict(zip(subjects, played, strict=True))
     sheet, events = ["subject\thand\ttask\trole\tfile"], ["subject\thand\ttask\tonset_s\tduration_s\tname"]
     for number, subject in enumerate(subjects):
         who = f"{subject}\t{_side(number)}"
@@ -95,13 +86,13 @@ def _record_person(folder: Path, seed: int, number: int) -> Strokes:
     write_recording(folder / f"{number:02}_rom.parquet", calibration)
     strokes = {}
     for task, interval_s in TEMPI.items():
-        played = pianist.play(person, side, interval_s, DURATION_S, GOES_ALONG, "")
+        played = pianist.play(person, side, interval_s, DURATION_S)
         write_recording(folder / f"{number:02}_{task}.parquet", played.poses)
         strokes[task] = played.strokes
     return strokes
 
 
-def _row(tempo: str, strokes: pd.DataFrame, truth: Mapping[str, Strokes]) -> tuple[Cell, ...]:
+def _row(tempo: str, strokes: pd.DataFrame, truth: Mapping[str, Strokes]) -> Row:
     """Compare all strokes of one tempo with the truth."""
     pairs: list[tuple[Any, Struck]] = []
     for subject, struck in truth.items():
@@ -117,10 +108,8 @@ def _row(tempo: str, strokes: pd.DataFrame, truth: Mapping[str, Strokes]) -> tup
     off = 100 * (speed / true - 1)
     named = sum(row.digit == stroke.digit for row, stroke in pairs)
     shares = [100 * used / len(pairs), 100 * named / len(pairs), 100 * len(right) / max(1, used)]
-    times = [float(lag.mean()), float(lag.std()), 100 * float(np.mean(np.abs(lag) < 4)), _held(lag, lag_sd)]
-    speeds = [float(off.mean()), float(np.sqrt(np.mean(off**2))), _held(speed - true, speed_sd)]
+    lag_held = percent(np.abs(lag) < 1.96 * lag_sd)
+    speed_held = percent(np.abs(speed - true) < 1.96 * speed_sd)
+    times = [float(lag.mean()), float(lag.std()), percent(np.abs(lag) < 4), lag_held]
+    speeds = [float(off.mean()), float(np.sqrt(np.mean(off**2))), speed_held]
     return tempo, len(pairs), *shares, *times, *speeds
-
-
-def _held(off: Array, sd: Array) -> float:
-    return 100 * float(np.mean(np.abs(off) < 1.96 * sd))

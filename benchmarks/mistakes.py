@@ -10,7 +10,7 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.benchmark_table import Cell, PrintedTable, of_each_person
+from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent
 from benchmarks.faultless_hands import (
     FINGERS,
     Planted,
@@ -37,10 +37,6 @@ Tally = tuple[str, str, bool, bool]
 Alarm = tuple[str, str, tuple[str, ...]]
 """Simulator; peculiarity; kinds of the false alarms."""
 
-
-Person = tuple[list[Alarm], list[Tally], list[Tally]]
-"""Results of one person: false alarms, tallies of single mistakes and of two mistakes at once."""
-
 Mistake = Callable[[Planted, np.random.Generator], Planted]
 
 
@@ -57,7 +53,7 @@ def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     yield _alarm_table(alarms)
 
 
-def one_person(seed: int) -> Person:
+def one_person(seed: int) -> tuple[list[Alarm], list[Tally], list[Tally]]:
     """Check a person's recordings without a mistake, with one, and with two."""
     rng = np.random.default_rng(seed)
     hand = ("right", "left")[seed // 2 % 2]
@@ -76,7 +72,8 @@ def one_person(seed: int) -> Person:
     return alarms, single, pairs
 
 
-RECORDERS: Mapping[str, Callable[[int, str, str], Planted]] = {"own": own_hand, "other": other_hand}
+Recorder = Callable[[int, str, str], Planted]
+RECORDERS: Mapping[str, Recorder] = {"own": own_hand, "other": other_hand}
 
 
 def _pair(plain: Planted, rng: np.random.Generator) -> tuple[str, bool, bool]:
@@ -95,9 +92,7 @@ EQUIVALENT = frozenset({"wrong-hand", "axes-mirrored", "receiver-turned", "hemis
 receivers turned."""
 
 
-def _several(
-    seed: int, hand: str, record: Callable[[int, str, str], Planted]
-) -> list[tuple[str, bool, bool]]:
+def _several(seed: int, hand: str, record: Recorder) -> list[tuple[str, bool, bool]]:
     """Plant mistakes that only several recordings together show: the last of three is wrong."""
     rows = []
     recordings = [(task, hand, _check(record(seed, hand, task))) for task in ("rom", "opposition")]
@@ -236,10 +231,8 @@ def _hangs(planted: Planted, rng: np.random.Generator) -> Planted:
     start = rng.integers(0, len(poses.frame) - 300)
     rows = slice(start, start + rng.integers(150, 300))
     position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
-    position[rows, receiver], quaternion[rows, receiver] = (
-        position[start, receiver],
-        quaternion[start, receiver],
-    )
+    position[rows, receiver] = position[start, receiver]
+    quaternion[rows, receiver] = quaternion[start, receiver]
     return changed(planted, position_mm=position, quaternion=quaternion)
 
 
@@ -328,9 +321,9 @@ def _table(title: str, tallies: Sequence[Tally], meaning: str) -> PrintedTable:
     return PrintedTable(title, ("planted", "hands:d", *shares), rows, meaning)
 
 
-def _shares(name: str, tallies: Sequence[Tally]) -> tuple[Cell, ...]:
+def _shares(name: str, tallies: Sequence[Tally]) -> Row:
     by_drawing = {drawing: [row for row in tallies if row[0] == drawing] for drawing in RECORDERS}
-    shares = [100 * float(np.mean([row[i] for row in rows])) for rows in by_drawing.values() for i in (2, 3)]
+    shares = [percent([row[i] for row in rows]) for rows in by_drawing.values() for i in (2, 3)]
     return (name, len(tallies) // len(by_drawing), *shares)
 
 
@@ -339,7 +332,7 @@ def _alarm_table(alarms: Sequence[Alarm]) -> PrintedTable:
     for drawing, name, kinds in alarms:
         groups.setdefault((drawing, name), []).append(kinds)
         groups.setdefault((drawing, "all"), []).append(kinds)
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for (drawing, name), of_hands in sorted(groups.items()):
         counts = sorted(Counter(kind for kinds in of_hands for kind in kinds).items())
         named = ", ".join(f"{kind} {count}" for kind, count in counts)

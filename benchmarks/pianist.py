@@ -11,11 +11,13 @@ from shukotsu.hand.rotations import Array, from_matrix, rotate
 from shukotsu.simulate.forward import bone_poses, coupled_angles
 from shukotsu.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, RandomHand, hand_of
 from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.simulation import simulate
+from shukotsu.simulate.simulation import distal_ends_mm, simulate
 from shukotsu.simulate.task_motion import TaskMotion, posture, rest_posture
 from shukotsu.tables.poses import Poses
 
 KEY_MM, DIP_MM, RATE_HZ = 23.5, 14.0, 240.0
+GOES_ALONG = 0.2
+"""Share of a finger's movement that its neighbours follow."""
 FIRST_PITCH, LIFTS_MM = 60, (4.0, 12.0)
 
 
@@ -48,16 +50,12 @@ class _Touch:
     lift_mm: float
 
 
-def play(
-    seed: int, side: str, interval_s: float, duration_s: float, goes_along: float, session: str
-) -> Played:
-    """Play one key after another; goes_along : share of a finger's movement that its neighbours follow."""
-    rng = np.random.default_rng([seed, round(1e3 * interval_s), sum(session.encode())])
-    realism = Realism()
-    hand = hand_of("01", side, seed, realism)
-    piece = _Piece(hand, realism, rng, interval_s, duration_s, goes_along)
+def play(seed: int, side: str, interval_s: float, duration_s: float) -> Played:
+    """Play one key after another."""
+    rng = np.random.default_rng([seed, round(1e3 * interval_s)])
+    piece = _Piece(hand_of("01", side, seed, Realism()), rng, interval_s, duration_s)
     n_frames = round(duration_s * RATE_HZ)
-    motion = simulate("01", side, "opposition", seed, realism, n_frames, session=session, change=piece.played)
+    motion = simulate("01", side, "opposition", seed, Realism(), n_frames, change=piece.played)
     return Played(motion.poses(), piece.strokes(motion.time_s[0]))
 
 
@@ -65,14 +63,12 @@ class _Piece:
     """A piece of music: posture of the hand as a function of time."""
 
     def __init__(
-        self, hand: RandomHand, realism: Realism, rng: np.random.Generator, interval_s: float,
-        duration_s: float, goes_along: float,
-    ) -> None:  # fmt: skip
-        self.hand, self.realism, self.rng = hand, realism, rng
+        self, hand: RandomHand, rng: np.random.Generator, interval_s: float, duration_s: float
+    ) -> None:
+        self.hand, self.rng = hand, rng
         apart = np.abs(np.subtract.outer(np.arange(5), np.arange(5)))
-        share = (
-            goes_along * np.choose(np.minimum(apart, 3), [0, 1, 0.5, 0.25]) * rng.uniform(0.7, 1.3, (5, 5))
-        )
+        nearness = np.choose(np.minimum(apart, 3), [0, 1, 0.5, 0.25])
+        share = GOES_ALONG * nearness * rng.uniform(0.7, 1.3, (5, 5))
         share[0], share[:, 0] = 0.3 * share[0], 0.3 * share[:, 0]  # the thumb is more independent
         self.share = share
         count = int((duration_s - 2.0) / interval_s)
@@ -116,19 +112,19 @@ class _Piece:
             posture(**{f"{d}_mcp": 12.0, f"{d}_pip": 18.0, f"{d}_dip": 6.0}) for d in DIGITS[1:]
         )
         self._home = home + posture(thumb_mcp=8.0, thumb_ip=8.0)
-        self._stroke, self._sways_deg = np.zeros((10, len(JOINTS), 2)), np.zeros(len(self.touches))
+        self._stroke = np.zeros((10, len(JOINTS), 2))
         for i, d in enumerate(DIGITS[1:], 1):
             self._stroke[i] = posture(**{f"{d}_mcp": 1.0, f"{d}_pip": 0.1, f"{d}_dip": 0.05})
             self._stroke[5 + i] = posture(**{f"{d}_mcp": (0.0, 1.0)})
-        thumb = []
-        for joint, column in (("thumb_cmc", 0), ("thumb_cmc", 1), ("thumb_mcp", 0)):
-            self._stroke[0, JOINTS.index(joint), column] = 1.0
+        cmc, mcp = JOINTS.index("thumb_cmc"), JOINTS.index("thumb_mcp")
+        joints, angles = [cmc, cmc, mcp], [0, 1, 0]
+        falls = []
+        for joint, angle in zip(joints, angles, strict=True):
+            self._stroke[0] = 0.0
+            self._stroke[0, joint, angle] = 1.0
             rest, bent = self._heights(np.array([[0.0], [1.0]]) * np.eye(5)[0])[:, 0]
-            self._stroke[0, JOINTS.index(joint), column] = 0.0
-            thumb.append((joint, column, rest - bent))
-        size = np.linalg.norm([fall for *_, fall in thumb])
-        for joint, column, falls in thumb:
-            self._stroke[0, JOINTS.index(joint), column] = falls / size
+            falls.append(rest - bent)
+        self._stroke[0, joints, angles] = np.array(falls) / np.linalg.norm(falls)
         self._bed = float(self._heights(np.zeros((1, 5)))[0].mean()) - 6.0
         self._rest = self._bends_at(self._bed + DIP_MM)
         self._bottom = self._bends_at(self._bed) - self._rest
@@ -163,14 +159,12 @@ class _Piece:
         """Compute joint angles (T, J, 3) from the bends (T, 5), or bends and sideways angles (T, 10)."""
         postures = self._home + np.einsum("td,djk->tjk", bends, self._stroke[: bends.shape[1]])
         voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
-        return coupled_angles(voluntary, self.hand, self.realism)
+        return coupled_angles(voluntary, self.hand, Realism())
 
     def _tips(self, bends: Array, time_s: Array) -> Array:
         forearm = np.repeat(self._forearm[None], len(time_s), 0)
-        position, turn = bone_poses(self.hand, self._angles(bends), self._wrist(time_s), forearm)
-        along = np.zeros((5, 3))
-        along[:, 0] = self.hand.length_mm[TIP_BONES] + self.hand.soft_tip_mm
-        return np.asarray(position[:, TIP_BONES] + rotate(turn[:, TIP_BONES], along))
+        bones = bone_poses(self.hand, self._angles(bends), self._wrist(time_s), forearm)
+        return distal_ends_mm(self.hand.length_mm[TIP_BONES] + self.hand.soft_tip_mm, *bones)
 
     def _heights(self, bends: Array) -> Array:
         return self._tips(bends, np.zeros(len(bends)))[..., 2]

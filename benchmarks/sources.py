@@ -10,7 +10,7 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, PrintedTable, of_each_person
+from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent
 from benchmarks.two_drawings import (
     DURATION_S,
     JOINT_TYPES,
@@ -27,7 +27,7 @@ from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.hand import drawn_hands, rotations
 from shukotsu.hand.average_hand import BONE_KINDS, DIGITS, PRIOR, DigitAnatomy
 from shukotsu.hand.drawn_hands import drawn
-from shukotsu.simulate.forward import bone_poses
+from shukotsu.simulate.forward import PoseArrays, bone_poses
 from shukotsu.simulate.mounts import Mounts, Skin, lag_signal, wander
 from shukotsu.simulate.random_hand import BONES, FLEXION, RandomHand
 from shukotsu.simulate.realism import Realism, generator
@@ -134,17 +134,18 @@ def _follow(
     law: str, angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
 ) -> tuple[Array, Array]:
     """Return slide, mm, and turn, rad, (T, S, 3) by another law of skin than `simulate.mounts.saturating`."""
+    if law == MESH:  # the receivers were already moved by `ride_on_mesh`
+        still = np.zeros((len(angles_rad), len(skin.bone), 3))
+        return still, still
     loose = (skin.looseness[:, None] * skin.present)[..., None]
     slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose
     tilt = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.TILT_SD * loose
     drive = angles_rad[..., FLEXION]
-    if law == MESH:  # the receivers were already moved by `ride_on_mesh`
-        slide, tilt = np.zeros_like(slide), np.zeros_like(tilt)
-    elif law == "one joint":
+    if law == "one joint":
         slide[:, 1], tilt[:, 1] = 0.0, 0.0
     elif law == "lagging":
         drive = drive[:1] + lag_signal(drive - drive[:1], LATE_S)
-    off = wander(of_recording, len(drive), len(skin.bone)) * (law != MESH) * skin.looseness[:, None]
+    off = wander(of_recording, len(drive), len(skin.bone)) * skin.looseness[:, None]
     return (
         np.einsum("tsa,sax->tsx", drive[:, skin.joint], slide) + drawn.WANDER_MM * off[0],
         np.einsum("tsa,sax->tsx", drive[:, skin.joint], tilt) + np.radians(drawn.WANDER_DEG) * off[1],
@@ -168,27 +169,16 @@ HALF_BASE_MM = 3.0
 
 
 def ride_on_mesh(
-    seed: int,
-    hand: RandomHand,
-    mounts: Mounts,
-    motion: TaskMotion,
-    _: Array,
-    bones: tuple[Array, Array],
-    *__: Skin,
-) -> tuple[Array, Array]:
-    """Return poses (T, S, 3), (T, S, 4) of receivers on tubes around the digits, moved by linear-blend
-    weights.
+    seed: int, hand: RandomHand, mounts: Mounts, motion: TaskMotion, _: Array, bones: PoseArrays, *__: Skin
+) -> PoseArrays:
+    """Return poses of receivers on tubes around the digits, moved by linear-blend weights.
 
     A vertex follows its bone and both neighbours, whose weights are a half at the joint between them and
     decrease exponentially with the distance from it. A receiver's base is on five vertices.
     """
     rng = generator(seed, "mesh", hand.side)
     blend_mm, higher_mm = rng.uniform(*BLEND_MM), rng.uniform(*HOUSING_MM)
-    rest = bone_poses(
-        hand,
-        np.zeros((1, *motion.angles_rad.shape[1:])),
-        *(part[:1] for part in (motion.wrist_mm, motion.forearm)),
-    )
+    rest = bone_poses(hand, np.zeros_like(motion.angles_rad[:1]), motion.wrist_mm[:1], motion.forearm[:1])
     position, quaternion = mounts.poses(*bones)
     side = -1.0 if hand.side == "left" else 1.0
     for s, (segment, bone) in enumerate(zip(mounts.segments, mounts.bone, strict=True)):
@@ -202,9 +192,8 @@ def ride_on_mesh(
             turn, HALF_BASE_MM * np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0.0]])
         )
         vertices = rotations.rotate(aside, place) + base
-        middle, ahead, behind, left, right = _blended(hand, bone, vertices, rest, bones, blend_mm).swapaxes(
-            0, 1
-        )
+        carried = _blended(hand, bone, vertices, rest, bones, blend_mm)
+        middle, ahead, behind, left, right = carried.swapaxes(0, 1)
         x = rotations.unit(ahead - behind)
         y = left - right
         y = rotations.unit(y - (y * x).sum(-1, keepdims=True) * x)
@@ -215,12 +204,7 @@ def ride_on_mesh(
 
 
 def _blended(
-    hand: RandomHand,
-    bone: int,
-    vertices: Array,
-    rest: tuple[Array, Array],
-    bones: tuple[Array, Array],
-    blend_mm: float,
+    hand: RandomHand, bone: int, vertices: Array, rest: PoseArrays, bones: PoseArrays, blend_mm: float
 ) -> Array:
     """Return positions (T, V, 3) to which the mesh carries vertices (V, 3) in their bone's frame at rest."""
     name = BONES[bone]
@@ -296,22 +280,21 @@ def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
 def fit_without(source: str, person: Drawn) -> HandFit:
     """Fit a hand with a prior without a source."""
     digits = prior_without(source)
-    with ExitStack() as stack:
-        stack.enter_context(mock.patch.dict(DIGITS, digits))
-        stack.enter_context(mock.patch.dict(vars(PRIOR), CONSTANTS_WITHOUT.get(source, {})))
+    constants = CONSTANTS_WITHOUT.get(source, {})
+    with mock.patch.dict(DIGITS, digits), mock.patch.dict(vars(PRIOR), constants):
         return fit_hand([person.poses], read_layout(LAYOUT), person.hand)
 
 
 def _table(title: str, what: str, groups: Mapping[str, Sequence[Fitted]]) -> PrintedTable:
     """Return the table of errors and coverage of groups of hands."""
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for name, hands in groups.items():
         joints = [joint for hand in hands for joint in hand.joints]
         if not joints:
             continue
         worse_mm, stated_mm = np.array([(error.worse_mm, error.sd_mm) for error in joints]).T
-        lengths = 100 * float(np.mean([length.inside for hand in hands for length in hand.lengths]))
-        believed = 100 * float(np.mean([error.believed for error in joints]))
+        lengths = percent([length.inside for hand in hands for length in hand.lengths])
+        believed = percent([error.believed for error in joints])
         ratio = float(np.sqrt((worse_mm**2).mean() / (stated_mm**2).mean()))
         rows.append(
             (name, len(hands), *centre_numbers(joints), lengths, ratio, float(stated_mm.mean()), believed)
@@ -333,7 +316,7 @@ def _parts_table(hands: Sequence[Fitted]) -> PrintedTable:
     """Return the table of coverage by kind of joint, and of lengths by digit and by bone."""
     joints = [joint for hand in hands for joint in hand.joints]
     lengths = [length for hand in hands for length in hand.lengths]
-    rows: list[tuple[Cell, ...]] = [
+    rows: list[Row] = [
         (kind, *centre_numbers([error for error in joints if error.joint in names]))
         for kind, names in JOINT_TYPES.items()
     ]
@@ -343,7 +326,7 @@ def _parts_table(hands: Sequence[Fitted]) -> PrintedTable:
         of_part = [length for length in lengths if length.bone.split("_")[place] == part]
         mm, inside = [abs(length.off_mm) for length in of_part], [length.inside for length in of_part]
         name = f"lengths: {part} {('digit', 'bones')[place]}"
-        rows.append((name, float(np.median(mm)), float(np.percentile(mm, 90)), 100 * float(np.mean(inside))))
+        rows.append((name, float(np.median(mm)), float(np.percentile(mm, 90)), percent(inside)))
     columns = ("joints or lengths", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
     title = "prior without a source: by kind of joint, and lengths by digit and by bone"
     return PrintedTable(title, columns, rows, "Over all sources that are left out.")

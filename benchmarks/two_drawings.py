@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from benchmarks import other_hands
-from benchmarks.benchmark_table import PrintedTable, of_each_person
-from benchmarks.faultless_hands import FACINGS, true_halves
+from benchmarks.benchmark_table import PrintedTable, of_each_person, percent
+from benchmarks.faultless_hands import FACINGS
 from shukotsu.arrays import Array
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fit import HandFit, fit_hand
@@ -135,12 +135,13 @@ def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
 
 def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[LengthError]]:
     """Draw, record and fit a hand; return the errors of its joints and lengths."""
-    drawn = DRAWINGS[drawing](seed, ("right", "left")[seed % 2])
+    draw = _own if drawing == OWN else _other
+    drawn = draw(seed, ("right", "left")[seed % 2])
     fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
     return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
 
 
-def _simulator_drawing(seed: int, hand: str) -> Drawn:
+def _own(seed: int, hand: str) -> Drawn:
     return simulated_hand(simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S)))
 
 
@@ -160,17 +161,19 @@ def simulated_hand(simulated: Simulated) -> Drawn:
 def _other(seed: int, hand: str) -> Drawn:
     person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
     recording = other_hands.record(person, hand, "calibration", seed, other_hands.Session(DURATION_S))
+    truth = {
+        joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
+        for joint in read_layout(LAYOUT).solvable
+        if {*(ends := (joint.parent_receiver, joint.child))} <= {*recording.poses.segments}
+    }
     return Drawn(
         recording.poses,
         hand,
-        true_halves(recording),
+        truth,
         recording.true_centre_mm,
         {name: angles[:, 0] for name, angles in recording.true_angles_deg.items()},
         recording.true_lengths_mm,
     )
-
-
-DRAWINGS = {OWN: _simulator_drawing, OTHER: _other}
 
 
 def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
@@ -212,12 +215,8 @@ def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[LengthEr
 def centre_numbers(joints: Sequence[JointErrors]) -> tuple[float, float, float]:
     """Return median and 90th percentile in the child's receiver, mm, and percent within the stated 95 %."""
     mm = [error.child_mm for error in joints]
-    return float(np.median(mm)), float(np.percentile(mm, 90)), inside_percent(joints)
-
-
-def inside_percent(joints: Sequence[JointErrors]) -> float:
-    """Return the percent of halves of centres whose error is within the stated 95 %."""
-    return 100 * float(np.mean([inside for joint in joints for inside in joint.inside]))
+    inside = percent([inside for joint in joints for inside in joint.inside])
+    return float(np.median(mm)), float(np.percentile(mm, 90)), inside
 
 
 def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
@@ -239,18 +238,17 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) 
                 name,
                 median,
                 p90,
-                100 * float(np.mean([error.child_mm > FAR_MM for error in of_drawing])),
+                percent([error.child_mm > FAR_MM for error in of_drawing]),
                 inside,
                 float(np.mean([error.sd_mm for error in of_drawing])),
                 float(np.median(posed)),
                 float(np.percentile(posed, 90)),
                 float(np.mean(middle)),
-                100 * float(np.mean([error.inside for error in bones])),
-                100
-                * float(np.mean([error.slope - 1 for error in of_drawing if error.joint.endswith("_dip")])),
-                100 * len(believed) / len(of_drawing),
+                percent([error.inside for error in bones]),
+                percent([error.slope - 1 for error in of_drawing if error.joint.endswith("_dip")]),
+                percent([error.believed for error in of_drawing]),
                 max((error.worse_mm for error in believed), default=None),
-                inside_percent(believed) if believed else None,
+                centre_numbers(believed)[2] if believed else None,
             )
         )
     columns = (
@@ -270,11 +268,10 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) 
 
 def kinds_table(joints: Sequence[JointErrors]) -> PrintedTable:
     """Return the table of errors and coverage by kind of joint."""
-    kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
-    rows = []
-    for name, of_drawing in _by_drawing(joints).items():
-        for kind in JOINT_TYPES:
-            alike = [error for error in of_drawing if kinds[error.joint] == kind]
-            rows.append((name, kind, *centre_numbers(alike)))
+    rows = [
+        (name, kind, *centre_numbers([error for error in of_drawing if error.joint in names]))
+        for name, of_drawing in _by_drawing(joints).items()
+        for kind, names in JOINT_TYPES.items()
+    ]
     columns = ("drawing", "joints", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
     return PrintedTable("two drawings: by kind of joint", columns, rows, "As above.")

@@ -52,11 +52,6 @@ def smooth(rng: np.random.Generator, n_frames: int, n_channels: int) -> Array:
     return np.asarray((size * np.sin(waves * time + phase)).sum(-1))
 
 
-def quaternions(rotation: Rotation) -> Array:
-    """Return the quaternions (w, x, y, z) of scipy's rotations."""
-    return np.asarray(np.roll(rotation.as_quat(), 1, axis=-1))
-
-
 def random_chain(
     seed: int,
     n_segments: int = 4,
@@ -96,9 +91,11 @@ def random_chain(
         rotations.append(child)
     position = np.stack(origins, 1)
     position = position + noise_mm * rng.normal(size=position.shape)
-    segments, frame = tuple(f"s{i}" for i in range(n_segments)), np.arange(1, n_frames + 1)
-    turns, valid = np.stack([quaternions(each) for each in rotations], 1), np.ones(position.shape[:2], bool)
-    poses = Poses(segments, frame, frame / 240.0, position, turns, valid)
+    poses = as_poses(
+        tuple(f"s{i}" for i in range(n_segments)),
+        position,
+        np.stack([rotation.as_quat(scalar_first=True) for rotation in rotations], 1),
+    )
     return Chain(poses, parents, np.array(p), np.array(q), np.array(axis_parent), np.array(axis_child))
 
 

@@ -12,8 +12,8 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.catalogue import POSES
-from shukotsu.tables.poses import Poses
-from shukotsu.tables.typed_table import Provenance, write_table
+from shukotsu.tables.poses import NUMBERS, Poses
+from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 
 
 @cache
@@ -50,17 +50,20 @@ def write_poses(
 ) -> Path:
     """Write a recording as the poses table that an import would produce."""
     poses = recording.poses() if isinstance(recording, Simulated) else recording
-    n_frames, n_segments = poses.valid.shape
-    columns = {
-        "segment": np.repeat(np.array(poses.segments, object), n_frames),
-        "frame": np.tile(poses.frame, n_segments),
-        "time_s": np.tile(poses.time_s, n_segments),
-        **{f"{axis}_mm": poses.position_mm[..., i].T.ravel() for i, axis in enumerate("xyz")},
-        **{f"q{part}": poses.quaternion[..., i].T.ravel() for i, part in enumerate("wxyz")},
-        "valid": poses.valid.T.ravel(),
-        "flags": [""] * (n_segments * n_frames),
-    }
+    numbers = np.concatenate([poses.position_mm, poses.quaternion], -1)
+    n_frames = len(poses.frame)
+    groups = [
+        {
+            "segment": [segment] * n_frames,
+            "frame": poses.frame,
+            "time_s": poses.time_s,
+            **dict(zip(NUMBERS, numbers[:, index].T, strict=True)),
+            "valid": poses.valid[:, index],
+            "flags": [""] * n_frames,
+        }
+        for index, segment in enumerate(poses.segments)
+    ]
     names = {"subject": subject, "hand": hand, "task": task, "trial": "", "layout": "liberty16", **more}
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_table(path, POSES, columns, Provenance((), names), row_group_rows=n_frames)
+    write_table_in_parts(path, POSES, groups, Provenance((), names))
     return path

@@ -86,9 +86,7 @@ def record(person: Person, side: str, task: str, seed: int, session: Session = S
     position_mm, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
     marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"}
     points = np.concatenate([position_mm, np.stack(list(marks.values()), axis=1)], axis=1)
-    points -= move_points(bones["hand"], np.array([-2.0, 45.0, 0.0]))[
-        :, None
-    ]  # the palm, which the arm moves
+    points -= move_points(bones["hand"], np.array([-2.0, 45.0, 0.0]))[:, None]  # the arm moves the palm
     points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
     turning = turned.as_matrix()[:, None] @ turning
     if side == "left":  # mirror in y, which keeps the receivers' x (cable) and z (skin) axes

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools
 from shukotsu.errors import InputError
-from shukotsu.hand.rotations import Array, conjugate, rotate
+from shukotsu.hand.rotations import conjugate, rotate
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.poses import Poses
@@ -97,18 +97,13 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
             f"model {model.name}: own_cmc names {first.name}, but {first.child} carries no receiver in "
             f"layout {layout.name}, so that joint cannot be found; remove it from own_cmc"
         )
-    needed = [layout.wrist.joint] if at_wrist and layout.wrist else []
-    needed += [first.name] if unseen and not at_wrist else []
-    needed += [
-        joint
-        for joint, segment in zip(digit.joints, digit.segments, strict=True)
-        if layout.segments[segment].measured and not (at_wrist and joint == digit.joints[0])
-    ]
+    base = layout.wrist.joint if at_wrist and layout.wrist else first.name
+    later = zip(digit.joints[1:], digit.segments[1:], strict=True)
+    needed = [base, *(joint for joint, segment in later if layout.segments[segment].measured)]
     for joint in needed:
         if joint not in rows or rows[joint]["status"] == "failed":
             reason = rows[joint]["message"] if joint in rows else "receivers on both sides were not worn"
             return f"{joint} failed: {reason}"
-    base = needed[0]
     base_point = vector_of(rows[base], "child_" if at_wrist else "parent_", "_mm")
     child = tuple(
         vector_of(rows[joint], "child_", "_mm")
@@ -187,7 +182,7 @@ def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
     return rotate(conjugate(segment_quaternions(poses, base)), offset)
 
 
-def all_valid(poses: Poses, segments: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+def all_valid(poses: Poses, segments: tuple[str, ...]) -> Bools:
     """Find the frames in which all of some segments have a valid pose.
 
     Parameters

@@ -85,15 +85,11 @@ def bone_angles_deg(
         Joint -> flexion, deviation and axial rotation (T, 3), deg; NaN in gaps.
 
     """
-    rests = neutral_rotations(layout, hand, bones.joints)
-    turned = {
-        index: multiply(bones.quaternion[:, index], facing[index])
-        if index in facing
-        else bones.quaternion[:, index]
-        for index in range(len(bones.joints))
-    }
+    rests, quaternion = neutral_rotations(layout, hand, bones.joints), bones.quaternion.copy()
+    for index, change in facing.items():
+        quaternion[:, index] = multiply(quaternion[:, index], change)
     return {
-        joint.name: joint_angles(turned[joint.parent], turned[index], hand, rests[index])
+        joint.name: joint_angles(quaternion[:, joint.parent], quaternion[:, index], hand, rests[index])
         for index, joint in enumerate(bones.joints)
         if not joint.tip and joint.parent >= 0 and np.isfinite(rests[index]).all()
     }

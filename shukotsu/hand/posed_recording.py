@@ -41,6 +41,12 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 T = TypeVar("T")
 
 
+def part_rows(tables: Callable[[str], Path], opened: Opened, table: Table, part: Part) -> list[Any]:
+    """Read a part's rows of a short table; tables, opened : as in `RecordingReader`."""
+    with opened(tables(table.name), table) as parts:
+        return parts.rows(part)
+
+
 def read_skeleton(
     tables: Callable[[str], Path], opened: Opened, layout: Layout, model: SkeletonModel, part: Part
 ) -> Skeleton:
@@ -66,12 +72,7 @@ def read_skeleton(
         If a table does not exist or contains only the reason why it could not be made.
 
     """
-
-    def rows(table: Table) -> list[Any]:
-        with opened(tables(table.name), table) as parts:
-            return parts.rows(part)
-
-    joints, bones = rows(JOINT_CENTRES), rows(BONE_LENGTHS)
+    joints, bones = (part_rows(tables, opened, table, part) for table in (JOINT_CENTRES, BONE_LENGTHS))
     return Skeleton(
         layout,
         model,
@@ -111,11 +112,6 @@ class RecordingReader:
     poses_file: Path
     tables: Callable[[str], Path]
     opened: Opened = open_parts
-
-    def rows(self, table: Table) -> list[Any]:
-        """Read the part's rows of a short table."""
-        with self.opened(self.tables(table.name), table) as parts:
-            return parts.rows(self.part)
 
     @property
     def is_fitted(self) -> bool:

@@ -412,8 +412,8 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
             root_failure = f"{name} failed: {'it was not solved' if row is None else row['message']}"
     axes = layout.segments[segment]
     align = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
-    root = point.position_mm(poses), _frame_rotations(poses, segment, align), NO_AXIS
-    build, frames = _Builder(SkeletonJoint(name, -1, segment), root), _bone_frames(skeleton)
+    root = point.position_mm(poses), multiply(poses.rotation(segment), align), NO_AXIS
+    build = _Builder(SkeletonJoint(name, -1, segment), root)
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, skeleton.model, skeleton.joints)
         if isinstance(chain, str):
@@ -426,13 +426,10 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
         turn = metacarpals.get(digit.name, np.full((len(poses.frame), 4), np.nan))
         rows = [skeleton.bones[digit.name, bone] for bone in digit.segments]
         # as in the replay: lengths of the bone vectors, or stated lengths of bones posed frame by frame
-        lengths_mm = [float(np.linalg.norm(vector_of(row, "", "_mm"))) for row in rows]
-        lengths_mm = [
-            length_mm if np.isfinite(length_mm) else _number(row["length_mm"])
-            for length_mm, row in zip(lengths_mm, rows, strict=True)
-        ]
-        placed = _receiver_digit(skeleton, digit, poses, turn, frames)
-        build.add_digit(skeleton, digit, placed, lengths_mm)
+        lengths_mm = np.array([np.linalg.norm(vector_of(row, "", "_mm")) for row in rows])
+        stated_mm = np.array([row["length_mm"] for row in rows], float)
+        lengths_mm = np.where(np.isfinite(lengths_mm), lengths_mm, stated_mm)
+        build.add_digit(skeleton, digit, _receiver_digit(skeleton, digit, poses, turn), lengths_mm)
     return build.bones(poses, root_failure)
 
 
@@ -474,7 +471,7 @@ def fitted_bones(
         bones = [pose_of(bone) for bone in digit.segments]
         ends = ends_mm.get(digit.name, np.full((count, 3), np.nan))
         rows = [skeleton.bones.get((digit.name, bone), {}) for bone in digit.segments]
-        lengths_mm = [_number(row.get("length_mm")) for row in rows]
+        lengths_mm = np.array([row.get("length_mm") for row in rows], float)
         turn = bones[-1][1]
         build.add_digit(skeleton, digit, [*bones, (ends[:, :3], turn, NO_AXIS)], lengths_mm)
         if ends.shape[1] > 3:
@@ -552,7 +549,7 @@ class _Builder:
         self._offsets.append(offset_mm)
 
     def add_digit(
-        self, skeleton: Skeleton, digit: Digit, placed: Sequence[_Placed], lengths_mm: Sequence[float]
+        self, skeleton: Skeleton, digit: Digit, placed: Sequence[_Placed], lengths_mm: Array
     ) -> None:
         """Append a digit's joints and its tip; lengths_mm : lengths of its bones, NaN if unknown."""
         starts = [index for index, joint in enumerate(self.joints) if joint.segment == digit.base]
@@ -582,10 +579,6 @@ class _Builder:
         return PosedRecording(joints, position, turn, poses, offset, axis, self.left_out, root_failure)
 
 
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
-
-
 def root_names(layout: Layout) -> tuple[str, str]:
     """Return joint and segment of the root: the wrist, or the base of the first digit if there is none."""
     if layout.wrist is not None:
@@ -594,25 +587,8 @@ def root_names(layout: Layout) -> tuple[str, str]:
     return base, base
 
 
-def _bone_frames(skeleton: Skeleton) -> dict[tuple[str, str], Array]:
-    """Return the rotation (4,) from each bone's frame to its driving receiver's, by digit and bone."""
-    dorsal = np.array([skeleton.layout.segments[segment].dorsal for _, segment in skeleton.bones])
-    along_mm = np.array([vector_of(row, "", "_mm") for row in skeleton.bones.values()])
-    frames = bone_frame(along_mm.reshape(-1, 3), dorsal.reshape(-1, 3))
-    return dict(zip(skeleton.bones, from_matrix(frames), strict=True))
-
-
-def _receiver_digit(
-    skeleton: Skeleton,
-    digit: Digit,
-    poses: Poses,
-    metacarpal: Array,
-    frames: Mapping[tuple[str, str], Array],
-) -> list[_Placed]:
-    """Pose the joints and tip of one digit.
-
-    metacarpal : (T, 4) rotation of its metacarpal, if it has one. frames : result of `_bone_frames`.
-    """
+def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: Array) -> list[_Placed]:
+    """Pose the joints and tip of one digit; metacarpal : (T, 4) rotation of its metacarpal, if it has one."""
     *points, end = digit_points(digit, skeleton.layout, skeleton.model, skeleton.joints)
     placed: list[_Placed] = []
     for index, (name, segment, point) in enumerate(zip(digit.joints, digit.segments, points, strict=True)):
@@ -620,19 +596,13 @@ def _receiver_digit(
         if index == 0 and digit.metacarpal:
             placed.append((position, metacarpal, NO_AXIS))
             continue
-        row, align = skeleton.bones[digit.name, segment], frames[digit.name, segment]
+        row, dorsal = skeleton.bones[digit.name, segment], skeleton.layout.segments[segment].dorsal
+        align = from_matrix(bone_frame(vector_of(row, "", "_mm"), np.array(dorsal)))
         joint, axis = skeleton.joints.get(name), NO_AXIS
         if joint is not None and joint["dof"] == 1 and joint["axis_child_x"] is not None:
             axis = rotate(conjugate(align), vector_of(joint, "axis_child_"))
-        placed.append((position, _frame_rotations(poses, row["driven_by"], align), axis))
+        placed.append((position, multiply(poses.rotation(row["driven_by"]), align), axis))
     return [*placed, (end.position_mm(poses), placed[-1][1], NO_AXIS)]
-
-
-def _frame_rotations(poses: Poses, segment: str, align: Array) -> Array:
-    """Return rotations (T, 4) of a frame that a receiver carries; NaN if the receiver is not valid."""
-    index = poses.index(segment)
-    turn = multiply(poses.quaternion[:, index], align)
-    return np.where(poses.valid[:, index, None], turn, np.nan)
 
 
 def _axis_turned_about(bones: PosedRecording, index: int) -> Array:

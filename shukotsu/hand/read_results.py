@@ -61,10 +61,7 @@ def read_file(path: Path) -> pd.DataFrame:
     table = TABLES[name]
     data = read_table(path, table)
     frame = data.to_pandas()
-    nullable = {pa.bool_(): pd.BooleanDtype()} | {
-        kind: pd.array([], dtype=str(kind).replace("i", "I").replace("u", "U")).dtype
-        for kind in (pa.int8(), pa.int16(), pa.int32(), pa.int64())
-    }
+    nullable = {pa.bool_(): pd.BooleanDtype(), pa.int8(): pd.Int8Dtype(), pa.int64(): pd.Int64Dtype()}
     for column in table.columns:
         if column.nullable and column.type in nullable:
             frame[column.name] = data.column(column.name).to_pandas(types_mapper=nullable.get)

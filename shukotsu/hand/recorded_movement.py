@@ -235,7 +235,7 @@ def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) ->
         base_mm, turn = _base(reader, digit, poses, bones)
         back = conjugate(turn)
         distal = np.array(reader.layout.segments[digit.tip].distal, float)
-        columns = [rotate(back, rotate(_turn(poses, digit.tip), distal))]
+        columns = [rotate(back, rotate(poses.rotation(digit.tip), distal))]
         ends = [end for end in (f"{name}_tip", f"{name}_skin_tip") if end in bones.names]
         for end, end_sd in zip(ends, sd_mm.get(name, unknown).T, strict=False):
             columns += [end_sd[:, None], rotate(back, bones.position_mm[:, bones.index(end)] - base_mm)]
@@ -254,12 +254,7 @@ def _base(reader: RecordingReader, digit: Digit, poses: Poses, bones: PosedRecor
     if reader.is_fitted:
         index = next(i for i, joint in enumerate(bones.joints) if joint.segment == digit.base)
         return bones.position_mm[:, index], bones.quaternion[:, index]
-    return poses.position_mm[:, poses.index(digit.base)], _turn(poses, digit.base)
-
-
-def _turn(poses: Poses, segment: str) -> Array:
-    index = poses.index(segment)
-    return np.where(poses.valid[:, index, None], poses.quaternion[:, index], np.nan)
+    return poses.position_mm[:, poses.index(digit.base)], poses.rotation(digit.base)
 
 
 def running_on(angle_deg: Array) -> Array:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.hand.rotations import Array, matrix
+from shukotsu.arrays import Array, Bools
+from shukotsu.hand.rotations import matrix
 from shukotsu.study.layout import Layout
 
 FRAMES = 60
@@ -25,7 +25,7 @@ class SampledMotion:
 
     position_mm: Array
     rotation: Array
-    valid: npt.NDArray[np.bool_]
+    valid: Bools
 
     def mirrored(self) -> SampledMotion:
         """Return the motion of the other hand: mirror the world and the bones' lateral axes."""
@@ -54,9 +54,7 @@ def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
     return np.stack([distal, np.cross(dorsal, distal), dorsal], -1)
 
 
-def motion_of(
-    position_mm: Array, quaternion: Array, valid: npt.NDArray[np.bool_], axes: Array, hand: str
-) -> SampledMotion:
+def motion_of(position_mm: Array, quaternion: Array, valid: Bools, axes: Array, hand: str) -> SampledMotion:
     """Sample frames in which most receivers are valid, spread over a recording, as a right hand.
 
     Parameters

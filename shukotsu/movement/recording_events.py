@@ -147,7 +147,7 @@ class RecordingEvents:
     def _with_notes(self, clock: ClocksRow, events: Events, time_s: Array) -> ClocksRow:
         """Return the row of clocks with the reader's notes, weak if no event is within the recording."""
         with open_table(self.poses, POSES) as file:  # first and last times are in the table's footer
-            of_groups = (file.ends(group, "time_s", with_nulls=True) for group in range(len(file.group_rows)))
+            of_groups = (file.ends(group, "time_s") for group in range(len(file.group_rows)))
             ends = [end for end in of_groups if end is not None]
         if len(time_s) and ends:
             first_s, last_s = min(low for low, _ in ends) + 0.0, max(high for _, high in ends)

@@ -62,6 +62,11 @@ class Estimate:
     sd_mm: float
     pulls_mm: Mapping[tuple[str, str], float]
 
+    @property
+    def recording(self) -> str:
+        """Names of the recordings, joined by ";"."""
+        return ";".join(sorted(self.recordings))
+
     @classmethod
     def of(
         cls,
@@ -110,19 +115,14 @@ def compare_pairs(estimates: Sequence[Estimate]) -> Iterator[AgreementRow]:
     """Compare all pairs of estimates of one bone that differ in a single aspect."""
     for first, second in combinations(estimates, 2):
         if across := first.across(second):
-            names = (
-                [";".join(sorted(each.recordings)) for each in (first, second)]
-                if across == "recording"
-                else [getattr(each, across) for each in (first, second)]
-            )
             difference_mm = second.length_mm - first.length_mm
             sd_mm = difference_sd_mm(first, second, across)
             yield {
                 "across": across,
                 "session": "" if across == "session" else first.session,
                 "hand": "" if across == "hand" else first.hand,
-                "first": names[0],
-                "second": names[1],
+                "first": getattr(first, across),
+                "second": getattr(second, across),
                 "difference_mm": difference_mm,
                 "sd_mm": sd_mm,
                 "z": difference_mm / sd_mm,

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -87,24 +88,18 @@ def compare_models(study: ScoredStudy) -> ComparedModels:
         models = study.taking(metric)
         for held_out in (True, False):
             seen = observations(study, metric, [*models, *metric.references], held_out=held_out)
-            present = set(seen.loc[seen["value"].notna(), "model"])
-            if present.intersection(models):
-                _compare(study, metric, seen, present, compared, held_out=held_out)
+            if seen.loc[seen["model"].isin(models), "value"].notna().any():
+                _compare(study, metric, seen, compared, held_out=held_out)
                 break
     return compared
 
 
 def _compare(
-    study: ScoredStudy,
-    metric: Metric,
-    seen: pd.DataFrame,
-    present: Collection[str],
-    compared: ComparedModels,
-    *,
-    held_out: bool,
+    study: ScoredStudy, metric: Metric, seen: pd.DataFrame, compared: ComparedModels, *, held_out: bool
 ) -> None:
     """Add the rows of one metric to `compared`."""
     models = study.taking(metric)
+    present = set(seen.loc[seen["value"].notna(), "model"])
     baseline = paper_skeleton(study.models.values()) or next(iter(study.models))
     others = models
     if metric.fitted_only or len(models) == 1:
@@ -165,12 +160,11 @@ def _values(
     by_subject = values.groupby(level="subject")
     means, counts = by_subject.mean(), by_subject.count()
     is_seen = reasons[list(models)].notna().any(axis=1)
-    missing: dict[tuple[str, str], dict[str, int]] = {}
+    missing: dict[tuple[str, str], dict[str, int]] = defaultdict(Counter)
     for model in models:
         absent = reasons.loc[is_seen & values[model].isna(), model]
         for (subject, *_), reason in absent.where(absent.notna(), NOT_SCORED).items():
-            of_subject = missing.setdefault((subject, model), {})
-            of_subject[reason.rstrip(".")] = of_subject.get(reason.rstrip("."), 0) + 1
+            missing[subject, model][reason.rstrip(".")] += 1
     for subject in subjects:
         has_mean = subject in means.index
         for name in names:
@@ -285,16 +279,12 @@ def read_scores(study: Study, results: Results) -> ScoredStudy:
     """
     problems = _read(results, PROBLEMS, [*_HAND, "severity"])
     suspect = problems.loc[problems["severity"] == "suspect", _HAND].drop_duplicates()
-    metrics = {table: [m.name for m in METRICS if m.table == table.name]
-               for table in (SKELETON_SCORES, JOINT_ERRORS)}  # fmt: skip
     return ScoredStudy(
         subjects=tuple(dict.fromkeys(recording.hand.subject for recording in study.recordings)),
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
         layouts={hand: study.judged_layout(hand) for hand in study.hands},
-        scores=_without(
-            _read(results, SKELETON_SCORES, [*SCORE_COLUMNS, *metrics[SKELETON_SCORES]]), suspect
-        ),
-        errors=_without(_read(results, JOINT_ERRORS, [*ERROR_COLUMNS, *metrics[JOINT_ERRORS]]), suspect),
+        scores=_without(_read(results, SKELETON_SCORES, SCORE_COLUMNS), suspect),
+        errors=_without(_read(results, JOINT_ERRORS, ERROR_COLUMNS), suspect),
         recordings=_read(results, RECORDINGS, RECORDING_COLUMNS),
     )
 

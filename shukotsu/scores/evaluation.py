@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import join_reasons
 from shukotsu.hand.digit_chain import Rows, all_valid, carried_mm
 from shukotsu.hand.known_digits import known_digits
-from shukotsu.hand.posed_recording import QUATERNION, RecordingReader, readable
-from shukotsu.hand.rotations import Array, conjugate, rotate
+from shukotsu.hand.posed_recording import QUATERNION, RecordingReader, part_rows, readable
+from shukotsu.hand.rotations import conjugate, rotate
 from shukotsu.scores.truth import (
     TIP,
     RecordingTruth,
@@ -92,10 +92,6 @@ class ScoredSkeleton:
     message: str
     reference: bool = False
 
-    def held_out(self, name: RecordingName) -> bool:
-        """Return whether the skeleton was made without this recording's task."""
-        return self.reference or name.task not in self.tasks
-
 
 def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
     """Read a skeleton's short tables; report tables that could not be made in `message`.
@@ -132,10 +128,11 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
         opened,
     )
     reasons: list[str] = []
-    joints, bones = (
-        readable(lambda table=table: reader.rows(table), reasons) or []  # type: ignore[misc]
-        for table in (JOINT_CENTRES, BONE_LENGTHS)
-    )
+
+    def rows(table: Table) -> list[Any]:
+        return readable(lambda: part_rows(reader.tables, opened, table, part), reasons) or []
+
+    joints, bones = rows(JOINT_CENTRES), rows(BONE_LENGTHS)
     stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
     if reference:
         calibrating, calibrated_on = plan.all_calibrating(hand), ""
@@ -148,7 +145,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
     else:
         calibrating = plan.calibrating(hand, part.model, part.made_without)
         calibrated_on = ";".join(", ".join(filter(None, (r.task, r.trial))) for r in calibrating)
-        errors = readable(lambda: reader.rows(TIP_ERRORS), reasons) or []
+        errors = rows(TIP_ERRORS)
         tip_messages = {(row["task"], row["trial"], row["digit"]): row["message"] for row in errors}
     tasks = tuple(recording.task for recording in calibrating)
     return ScoredSkeleton(
@@ -181,11 +178,6 @@ class EvaluatedRecording:
     truth: Mapping[str, TrueDigit]
     stated_truth: RecordingTruth | None
     message: str = ""
-
-    @property
-    def name(self) -> RecordingName:
-        """The recording's name."""
-        return RecordingName(**self.recording.key)
 
     def row(self, digit: str, model: str, message: str = "") -> SkeletonScoresRow:
         """Build a row without scores, by default for a reference that was not made from recordings."""
@@ -233,8 +225,7 @@ def evaluated_recording(
     poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)
     if poses is None:
         return EvaluatedRecording(recording, layout, None, {}, None, *reasons)
-    tip_of = {digit.name: digit.tip for digit in layout.digits.values()}
-    true = {} if truth is None else truth.digits(poses, tip_of)
+    true = {} if truth is None else truth.digits(poses, layout)
     return EvaluatedRecording(recording, layout, poses, true, truth)
 
 
@@ -254,49 +245,49 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
         Rows of skeleton_scores, one per digit; a digit that cannot be scored has a message instead of scores.
 
     """
-    name, rows = recording.name, []
-    reader = replace(skeleton.reader, recording=recording.recording)
+    recorded, rows = recording.recording, []
+    reader = replace(skeleton.reader, recording=recorded)
     columns = ("error_mm", "frame", *TIP)
+    lost = skeleton.reference and bool(skeleton.message)
     for digit in recording.layout.digits.values():  # one digit at a time, to bound memory
         reasons = [skeleton.message]
 
-        def numbers(table: Table, names: Sequence[str], of: str, why: list[str] = reasons) -> Array | None:
-            read = readable(lambda: reader.numbers(table, names, name=of, every=False), why)
-            return None if read is None else read.get(of)
+        def numbers(table: Table, names: Sequence[str], of: str, why: list[str] = reasons) -> Array:
+            read = readable(lambda: reader.numbers(table, names, name=of, every=False), why) or {}
+            return read.get(of, np.empty((0, len(names))))
 
-        replayed = None if skeleton.reference else numbers(TIPS, columns, digit.name)
-        lost = skeleton.reference and bool(skeleton.message)
-        posed = replayed
-        if reader.is_fitted:
-            posed = None if lost else numbers(POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
-        bone = None
+        replayed = posed = np.empty((0, len(columns)))
+        if not skeleton.reference:
+            replayed = posed = numbers(TIPS, columns, digit.name)
+        if reader.is_fitted and not lost:
+            posed = numbers(POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
+        bone = np.empty((0, 5))
         if recording.truth and not lost:
             table, of = (BONE_POSES, digit.segments[0]) if skeleton.reference else (METACARPALS, digit.name)
             bone = numbers(table, ("frame", *QUATERNION), of)
-        message = skeleton.tip_messages.get((name.task, name.trial, digit.name), "")
+        message = skeleton.tip_messages.get((recorded.task, recorded.trial, digit.name), "")
         row = recording.row(digit.name, reader.part.model, join_reasons([*reasons, message]))
-        tip = np.empty((0, len(columns))) if posed is None else posed
-        frame, poses = tip[:, 1].astype(np.int64), recording.poses
+        frame, poses = posed[:, 1].astype(np.int64), recording.poses
         if skeleton.reference and poses is not None:
             poses = poses.take(np.flatnonzero(np.isin(poses.frame, frame)))
         row |= {
             "calibrated_on": skeleton.calibrated_on,
-            "held_out": skeleton.held_out(name),
+            "held_out": skeleton.reference or recorded.task not in skeleton.tasks,
             "reference": skeleton.reference,
             "wrist_mcp_sd_mm": wrist_mcp_sd(poses, digit, recording.layout, skeleton.stated.joints),
         }
         row |= tip_numbers(replayed, posed, fitted=reader.is_fitted)
         true = recording.truth.get(digit.name)
         if true is not None:
-            row |= true_tip_numbers(tip[:, 2:5], frame, true)
-            if bone is not None and digit.metacarpal:
+            row |= true_tip_numbers(posed[:, 2:5], frame, true)
+            if digit.metacarpal:
                 direction = directions(bone[:, 1:])
                 row["metacarpal_deg"] = metacarpal_deg(direction, bone[:, 0].astype(np.int64), true)
         rows.append(row)
     return rows
 
 
-def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> SkeletonScoresRow:
+def tip_numbers(replayed: Array, posed: Array, *, fitted: bool) -> SkeletonScoresRow:
     """Compute the tip errors of one digit in one recording.
 
     A replay never uses the position of the distal receiver. For a model that does not pose the whole hand,
@@ -304,9 +295,9 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
 
     Parameters
     ----------
-    replayed : array, shape (T, C), or None
+    replayed : array, shape (T, C)
         Rows of tips, the error (mm) first.
-    posed : array, shape (T, C), or None
+    posed : array, shape (T, C)
         Rows of posed_tips: the error first, the error with the distal receivers left out last.
     fitted : bool
         Whether the model poses the whole hand.
@@ -317,23 +308,18 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
         Columns replay_*, posed_mean_mm, left_out_* and n_frames.
 
     """
-    nothing = np.empty(0)
-    replay = nothing if replayed is None else finite_values(replayed[:, 0])
-    row = mean_and_p95("replay", replay)
-    error_mm = nothing if not fitted or posed is None else finite_values(posed[:, 0])
-    if fitted:
-        left_out = mean_and_p95("left_out", nothing if posed is None else posed[:, -1])
-    else:
-        left_out = {name.replace("replay", "left_out"): row[name] for name in row}
+    replay_mm = finite_values(replayed[:, 0])
+    error_mm = finite_values(posed[:, 0]) if fitted else np.empty(0)
     numbers: SkeletonScoresRow = {
         "posed_mean_mm": float(error_mm.mean()) if len(error_mm) else None,
-        "n_frames": max(len(replay), len(error_mm)),
+        "n_frames": max(len(replay_mm), len(error_mm)),
     }
-    numbers |= row | left_out
+    numbers |= mean_and_p95("replay", replay_mm)
+    numbers |= mean_and_p95("left_out", posed[:, -1] if fitted else replay_mm)
     return numbers
 
 
-def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> SkeletonScoresRow:
+def true_tip_numbers(tip_mm: Array, frame: Integers, true: TrueDigit) -> SkeletonScoresRow:
     """Compute the mean and the 95th percentile of the distance from tips to the true tips.
 
     Parameters
@@ -356,7 +342,7 @@ def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigi
     return numbers
 
 
-def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
+def metacarpal_deg(direction: Array, frame: Integers, true: TrueDigit) -> float | None:
     """Compute the mean angle between directions of a metacarpal and the true ones.
 
     Parameters
@@ -466,8 +452,7 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Skeleton
     true = recording.truth.get(digit.name)
     valid, index = all_valid(poses, (digit.tip,)), poses.index(digit.tip)
     row["n_frames"] = int(valid.sum())
-    if row["n_frames"]:
-        row |= {"replay_mean_mm": 0.0, "replay_p95_mm": 0.0}
+    row |= mean_and_p95("replay", np.zeros(row["n_frames"]))
     if true is not None:
         row |= true_tip_numbers(poses.position_mm[valid, index], poses.frame[valid], true)
     return row
@@ -492,9 +477,8 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonSc
     bone = true.metacarpal_mm * at_frames(true.metacarpal, true.frame, poses.frame)
     replayed = carried_mm(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
     for segment in digit.segments[1:-1]:
-        replayed = replayed + rotate(
-            poses.quaternion[:, poses.index(segment)], vector_of(bones[segment], "", "_mm")
-        )
+        bone_mm = vector_of(bones[segment], "", "_mm")
+        replayed = replayed + rotate(poses.quaternion[:, poses.index(segment)], bone_mm)
     last = poses.index(digit.tip)
     dip_mm = vector_of(joints[digit.joints[-1]], "child_", "_mm")
     replayed = replayed - rotate(poses.quaternion[:, last], dip_mm)
@@ -593,7 +577,8 @@ def _score_rows(
 ) -> Iterator[SkeletonScoresRow]:
     """Yield rows of skeleton_scores of one recording: skeletons first, then references without a model."""
     for skeleton in skeletons:
-        if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables cover this recording
+        # the skeleton's tables cover this recording
+        if skeleton.reader.part.made_without in ("", recording.recording.task):
             yield from score_skeleton(recording, skeleton)
     digits = recording.layout.digits.values()
     yield from (distal_receiver_row(recording, digit) for digit in digits)

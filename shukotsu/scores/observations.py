@@ -57,8 +57,10 @@ NO_NUMBER = "no value"
 OTHER_KIND = {True: "made from this task too: not held out", False: "made without this task: not in-sample"}
 _PLACE = ["subject", "model", "digit", "place"]
 _SKELETON = ["subject", "session", "hand", "model", "calibrated_on"]
-SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message")
-ERROR_COLUMNS = (*_SKELETON, "joint")
+_SCORES = [metric.name for metric in METRICS if metric.table == "skeleton_scores"]
+_ERRORS = [metric.name for metric in METRICS if metric.table == "joint_errors"]
+SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message", *_SCORES)
+ERROR_COLUMNS = (*_SKELETON, "joint", *_ERRORS)
 RECORDING_COLUMNS = ("subject", "session", "hand", "task", "trial", "role", "status", "message")
 
 
@@ -76,7 +78,7 @@ class ScoredStudy:
         Hand -> layout.
     scores, errors, recordings : DataFrame
         Tables skeleton_scores, joint_errors and recordings, with SCORE_COLUMNS, ERROR_COLUMNS and
-        RECORDING_COLUMNS; the first two also with the columns of METRICS.
+        RECORDING_COLUMNS.
 
     """
 
@@ -150,11 +152,8 @@ def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
     rows = rows[rows["counts"] | ~rows.groupby(_PLACE)["counts"].transform("any")]
     texts = rows["message"].where(rows["counts"], OTHER_KIND[held_out])
     joined = texts.groupby([rows[name] for name in _PLACE], sort=False)
-    return (
-        joined.agg(lambda reasons: "; ".join(dict.fromkeys(filter(None, reasons))) or NO_NUMBER)
-        .rename("reason")
-        .reset_index()
-    )
+    reasons = joined.agg(lambda each: "; ".join(dict.fromkeys(filter(None, each))) or NO_NUMBER)
+    return reasons.rename("reason").reset_index()
 
 
 def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:

@@ -98,12 +98,11 @@ def paired_difference(differences: Float[Array, " n"]) -> Difference:
     """
     d = np.where(np.abs(differences) <= EQUAL, 0.0, differences)
     n, interval = len(d), None
-    effect: tuple[float, Interval] | tuple[None, None] = (None, None)
     if n >= FEWEST_SUBJECTS:
         half = float(stdtrit(n - 1, 1.0 - LEVEL / 2) * d.std(ddof=1)) / math.sqrt(n)
         interval = float(d.mean()) - half, float(d.mean()) + half
-    if n > 2 and np.ptp(d) > EQUAL:
-        effect = effect_of(float(d.mean() / d.std(ddof=1)), n - 1, n)
+    varies = n > 2 and np.ptp(d) > EQUAL
+    effect = effect_of(float(d.mean() / d.std(ddof=1)), n - 1, n) if varies else (None, None)
     return Difference(sign_flip_p(d), interval, *effect)
 
 
@@ -219,18 +218,17 @@ def group_difference(values: Float[Array, " n"], others: Float[Array, " m"]) -> 
 
     """
     n, m = len(values), len(others)
+    difference = float(values.mean() - others.mean())
     squares = np.array([group.var(ddof=1) / len(group) for group in (values, others)])
-    t = (values.mean() - others.mean()) / np.sqrt(max(squares.sum(), EQUAL**2))
+    t = difference / np.sqrt(max(squares.sum(), EQUAL**2))
     freedom = np.array([n, m]) - 1
     each = 2.0 * stdtr(freedom, -abs(t))
     p = float(np.average(each, weights=squares + EQUAL**2))
     pooled = math.sqrt((values.var() * n + others.var() * m) / (n + m - 2))
-    effect: tuple[float, Interval] | tuple[None, None] = (None, None)
-    if pooled > EQUAL:
-        effect = effect_of(float(values.mean() - others.mean()) / pooled, n + m - 2, n * m / (n + m))
+    n_effective = n * m / (n + m)
+    effect = effect_of(difference / pooled, n + m - 2, n_effective) if pooled > EQUAL else (None, None)
     of_welch = squares.sum() ** 2 / (squares**2 / freedom).sum() if squares.any() else 1.0
     half = float(stdtrit(of_welch, 1.0 - LEVEL / 2) * np.sqrt(squares.sum()))
-    difference = float(values.mean() - others.mean())
     return Difference(p, (difference - half, difference + half), *effect)
 
 
@@ -249,12 +247,12 @@ class Icc:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Repeatability of n subjects over k sessions.
+    """Repeatability of subjects over sessions.
 
     Attributes
     ----------
-    n, k : int
-        Subjects and sessions.
+    n : int
+        Number of subjects.
     agreement, consistency : Icc
         ICC(2,1) and ICC(3,1).
     sem : float
@@ -265,7 +263,6 @@ class Reliability:
     """
 
     n: int
-    k: int
     agreement: Icc
     consistency: Icc
     sem: float
@@ -295,16 +292,13 @@ def reliability(values: Float[Array, "n k"]) -> Reliability:
     of_subjects, of_sessions, rest = mean_squares(values)
     freedom = n * (k - 1)
     within = ((k - 1) * of_sessions + (n - 1) * (k - 1) * rest) / freedom
+    low, high = (math.sqrt(within * freedom / chdtri(freedom, share)) for share in (LEVEL / 2, 1 - LEVEL / 2))
     return Reliability(
         n,
-        k,
         _agreement(n, k, of_subjects, of_sessions, rest),
         _consistency(n, k, of_subjects, rest),
         math.sqrt(within),
-        (
-            math.sqrt(within * freedom / chdtri(freedom, LEVEL / 2)),
-            math.sqrt(within * freedom / chdtri(freedom, 1 - LEVEL / 2)),
-        ),
+        (low, high),
     )
 
 
@@ -349,15 +343,11 @@ def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: flo
         others = n * (1 + (k - 1) * value) - k * value
         freedom = (n - 1) * (k - 1) * (ratio + others) ** 2 / ((n - 1) * ratio**2 + others**2)
     share = 1 - LEVEL / 2
-    upper, lower = _f(share, n - 1, freedom), _f(share, freedom, n - 1)
+    upper, lower = float(fdtri(n - 1, freedom, share)), float(fdtri(freedom, n - 1, share))
     whole = k * of_sessions + (k * n - k - n) * rest
-    return Icc(
-        value,
-        (
-            n * (of_subjects - upper * rest) / (upper * whole + n * of_subjects),
-            n * (lower * of_subjects - rest) / (whole + n * lower * of_subjects),
-        ),
-    )
+    low = n * (of_subjects - upper * rest) / (upper * whole + n * of_subjects)
+    high = n * (lower * of_subjects - rest) / (whole + n * lower * of_subjects)
+    return Icc(value, (low, high))
 
 
 def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
@@ -365,7 +355,7 @@ def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
     if rest <= 0:
         return _undefined_icc(of_subjects, rest)
     ratio, freedom, share = of_subjects / rest, (n - 1) * (k - 1), 1 - LEVEL / 2
-    low, high = ratio / _f(share, n - 1, freedom), ratio * _f(share, freedom, n - 1)
+    low, high = ratio / float(fdtri(n - 1, freedom, share)), ratio * float(fdtri(freedom, n - 1, share))
     return Icc((ratio - 1) / (ratio + k - 1), ((low - 1) / (low + k - 1), (high - 1) / (high + k - 1)))
 
 
@@ -373,8 +363,3 @@ def _undefined_icc(of_subjects: float, rest: float) -> Icc:
     """Return 1 if sessions repeat exactly, NaN if all values are equal."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))
-
-
-def _f(share: float, freedom: float, other: float) -> float:
-    """Return a quantile of Fisher's F distribution."""
-    return float(fdtri(freedom, other, share))

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, reading_user_tables
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posed_recording import QUATERNION
-from shukotsu.hand.rotations import Array, rotate, unit
+from shukotsu.hand.rotations import rotate, unit
 from shukotsu.study.layout import Layout
 from shukotsu.study.stated_error import halves_mm2, is_within_95
 from shukotsu.study.verdict import NOT_WORN
@@ -65,7 +65,7 @@ class TrueDigit:
 
     """
 
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     tip_mm: Array
     to_receiver_mm: Array
     metacarpal: Array
@@ -91,15 +91,15 @@ class RecordingTruth:
     name: RecordingName
     stated: Stated
 
-    def digits(self, poses: Poses, tip_of: Mapping[str, str]) -> dict[str, TrueDigit]:
+    def digits(self, poses: Poses, layout: Layout) -> dict[str, TrueDigit]:
         """Read the truth of every digit, with frames numbered as in the recording.
 
         Parameters
         ----------
         poses : Poses
             The recording.
-        tip_of : mapping
-            Digit -> its distal segment.
+        layout : Layout
+            Layout of the hand.
 
         Returns
         -------
@@ -117,7 +117,7 @@ class RecordingTruth:
             return {}
         first = next(iter(of_digit.values())).frame[0]
         off_mm = {
-            shift: _off_mm(of_digit, poses, tip_of, shift) for shift in (0, int(poses.frame[0] - first))
+            shift: _off_mm(of_digit, poses, layout, shift) for shift in (0, int(poses.frame[0] - first))
         }
         shift = min(off_mm, key=lambda shift: off_mm[shift])
         if off_mm[shift] > OTHER_MM:
@@ -164,7 +164,7 @@ def _rows(folder: Path, table: Table, name: RecordingName) -> list[Any]:
     return rows
 
 
-def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> Array:
+def at_frames(values: Array, frames: Integers, wanted: Integers) -> Array:
     """Look up values by frame number.
 
     Parameters
@@ -229,15 +229,15 @@ def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, A
     return numbers_by_name(rows, "digit", columns)
 
 
-def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:
+def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, layout: Layout, shift: int) -> float:
     """Compute the median absolute difference, mm, between recorded and true tip-to-receiver distances.
 
     shift : added to the frame numbers of the truth. Return inf if they have no frame in common.
     """
     off = [np.empty(0)]
     for digit, true in of_digit.items():
-        if digit in tip_of:
-            index = poses.index(tip_of[digit])
+        if digit in layout.digits:
+            index = poses.index(layout.digits[digit].tip)
             tip_mm = at_frames(true.tip_mm, true.frame + shift, poses.frame)
             stated = at_frames(true.to_receiver_mm, true.frame + shift, poses.frame)
             distance = np.linalg.norm(tip_mm - poses.position_mm[:, index], axis=-1)
@@ -313,16 +313,15 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[JointErr
         if estimated is not None and estimated["status"] != "failed":
             row |= centre_errors(estimated, true)
         bone, true_bone = stated.bones.get(joint.child), truth.bones.get(joint.child)
-        length = None if true_bone is None else true_bone["length_mm"]
         # a row that starts at the wrist or ends at the distal receiver does not span the bone itself
-        stated_mm = None
-        if bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER:
+        if bone and true_bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER:
             ends = (stated.joints.get(end, {}) for end in (bone["starts_at"], bone["ends_at"]))
-            if all(end.get("reason") != NOT_WORN for end in ends):  # otherwise only anatomy states it
-                stated_mm = bone["length_mm"]
-        if stated_mm is not None and length is not None:
-            off_mm = float(stated_mm) - length
-            row |= {"bone": joint.child, "bone_error_mm": off_mm, "bone_error_percent": 100 * off_mm / length}
+            only_anatomy = any(end.get("reason") == NOT_WORN for end in ends)
+            stated_mm, true_mm = bone["length_mm"], true_bone["length_mm"]
+            if not only_anatomy and stated_mm is not None and true_mm is not None:
+                off_mm = stated_mm - true_mm
+                row |= {"bone": joint.child, "bone_error_mm": off_mm}
+                row["bone_error_percent"] = 100 * off_mm / true_mm
         rows.append(row)
     return rows
 

@@ -20,6 +20,9 @@ from shukotsu.simulate.random_hand import (
 )
 from shukotsu.simulate.realism import Realism
 
+PoseArrays = tuple[Array, Array]
+"""Positions (T, N, 3), mm, and quaternions (T, N, 4) of N bones or receivers in the transmitter frame."""
+
 
 def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> Array:
     """Compute joint angles from voluntary flexion and abduction and the hand's couplings.
@@ -50,11 +53,9 @@ def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> 
         ],
         -1,
     )
-    if realism.hinges_only:
-        others = np.setdiff1d(np.arange(len(JOINTS)), FINGER_CMC)
-        angles[:, others, ABDUCTION:] = 0.0
     angles[:, FINGER_CMC, ABDUCTION] = 0.0
-    if not realism.mobile_palm:
+    if realism.paper_joints:
+        angles[..., ABDUCTION:] = 0.0
         angles[:, FINGER_CMC] = 0.0
     return angles
 
@@ -68,7 +69,7 @@ def relaxed_angles(hand: RandomHand, realism: Realism) -> Array:
 
 def bone_poses(
     hand: RandomHand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
-) -> tuple[Array, Array]:
+) -> PoseArrays:
     """Compute the poses of all bones.
 
     Parameters
@@ -113,7 +114,7 @@ def bone_poses(
     return position, quaternion
 
 
-def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
+def poses_in_hand(hand: RandomHand, angles_rad: Array) -> PoseArrays:
     """Compute the poses of all bones in the hand's frame, with the wrist fixed.
 
     Parameters

@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.hand import rotations
 from shukotsu.hand.drawn_hands import drawn
-from shukotsu.simulate.forward import bone_poses
+from shukotsu.simulate.forward import PoseArrays, bone_poses
 from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, RandomHand
 from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.task_motion import RATE_HZ, TaskMotion
@@ -44,11 +43,11 @@ class Mounts:
     """
 
     segments: tuple[str, ...]
-    bone: npt.NDArray[np.int64]
+    bone: Integers
     position_mm: Array
     quaternion: Array
 
-    def poses(self, bone_position_mm: Array, bone_quaternion: Array) -> tuple[Array, Array]:
+    def poses(self, bone_position_mm: Array, bone_quaternion: Array) -> PoseArrays:
         """Compute the poses of receivers that are fixed to bones.
 
         Parameters
@@ -72,20 +71,14 @@ class Mounts:
 
 
 def mounts_of(
-    subject: str,
-    side: str,
-    seed: int,
-    hand: RandomHand,
-    segments: tuple[str, ...],
-    realism: Realism,
-    session: str = "",
+    subject: str, seed: int, hand: RandomHand, segments: tuple[str, ...], realism: Realism, session: str
 ) -> Mounts:
     """Draw the receiver placement: mid-bone or on the nail, misplaced at random and partly by habit.
 
     Parameters
     ----------
-    subject, side, session : str
-        Subject, right or left, and session; receivers are placed anew in every session.
+    subject, session : str
+        Subject and session; receivers are placed anew in every session.
     seed : int
         Seed of the simulation.
     hand : RandomHand
@@ -102,7 +95,7 @@ def mounts_of(
 
     """
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
-    rng = generator(seed, "mounts", subject, side, session=session)
+    rng = generator(seed, "mounts", subject, hand.side, session=session)
     habit_share = max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
     offset_mm, turn = _off(rng, habit_share)
     receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
@@ -173,18 +166,13 @@ class Skin:
 
     """
 
-    bone: npt.NDArray[np.int64]
-    joint: npt.NDArray[np.int64]
-    present: npt.NDArray[np.bool_]
+    bone: Integers
+    joint: Integers
+    present: Bools
     looseness: Array
     scale: float
     thumb_place_lag: float
     thumb_turn_lag: float
-
-    @property
-    def distal(self) -> npt.NDArray[np.bool_]:
-        """Whether each receiver sits on a distal bone, (S,)."""
-        return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
 
 
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
@@ -225,13 +213,8 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
 
 
 def on_skin(
-    hand: RandomHand,
-    mounts: Mounts,
-    motion: TaskMotion,
-    relaxed_rad: Array,
-    bones: tuple[Array, Array],
-    skin: Skin,
-) -> tuple[Array, Array]:
+    hand: RandomHand, mounts: Mounts, motion: TaskMotion, relaxed_rad: Array, bones: PoseArrays, skin: Skin
+) -> PoseArrays:
     """Compute receiver poses before skin motion; the thumb metacarpal's receiver lags behind the CMC joint.
 
     Parameters
@@ -244,8 +227,8 @@ def on_skin(
         Joint angles and arm over T frames.
     relaxed_rad : array, shape (J, 3)
         Angles of the relaxed hand, at which there is no lag.
-    bones : tuple of array
-        Bone positions (T, B, 3) mm and quaternions (T, B, 4).
+    bones : PoseArrays
+        The B bones.
     skin : Skin
         Shares of the lag.
 
@@ -261,7 +244,7 @@ def on_skin(
     if "thumb_metacarpal" in mounts.segments:
         receiver, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
 
-        def lagging_poses(lag: float) -> tuple[Array, Array]:
+        def lagging_poses(lag: float) -> PoseArrays:
             """Return receiver poses if the thumb's CMC motion is reduced by this share."""
             angles_rad = motion.angles_rad.copy()
             angles_rad[:, cmc] -= lag * (angles_rad[:, cmc] - relaxed_rad[cmc])
@@ -272,7 +255,7 @@ def on_skin(
     return position, quaternion
 
 
-def displace(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
+def displace(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> PoseArrays:
     """Displace receivers in their own frames.
 
     Parameters
@@ -365,7 +348,7 @@ def saturating(
     loose = (skin.looseness[:, None] * skin.present)[..., None]
     slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose
     tilt = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.TILT_SD * loose
-    tilt[skin.distal, 0, 1] += skin.scale * drawn.DISTAL_TILT
+    tilt[[_on_nail(BONES[bone]) for bone in skin.bone], 0, 1] += skin.scale * drawn.DISTAL_TILT
     direct = drawn.SATURATION_RAD * np.tanh(angles_rad[..., FLEXION] / drawn.SATURATION_RAD)
     start, late = direct[:1], drawn.LAG_SHARE
     drive = start + (1 - late) * (direct - start) + late * lag_signal(direct - start, drawn.LAG_S)

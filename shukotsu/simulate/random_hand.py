@@ -14,9 +14,8 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Integers
 from shukotsu.hand import rotations
 from shukotsu.hand.drawn_hands import CT, SOURCES, DrawnHand, blend_hands, drawn
 from shukotsu.simulate.realism import Realism, generator
@@ -96,7 +95,7 @@ class RandomHand:
     origin_mm: Array
     rest: Array
     axes: Array
-    order: npt.NDArray[np.int64]
+    order: Integers
     skew_mm: Array
     relaxed_rad: Array
     glide_mm: Array
@@ -206,11 +205,10 @@ def _possible(straight: _Straight) -> bool:
             lines[finger, bone] = start + np.linspace(0.0, 1.0, 12)[:, None] * along
             start = lines[finger, bone, -1]
 
-    def apart_mm(lines: Array) -> Array:
+    def apart_mm(lines: Array) -> float:
         points = lines.reshape(len(FINGERS), -1, 3)
-        return np.asarray(
-            np.linalg.norm(points[1:, :, None] - points[:-1, None], axis=-1).min() / straight.scale
-        )
+        distances_mm = np.linalg.norm(points[1:, :, None] - points[:-1, None], axis=-1)
+        return float(distances_mm.min()) / straight.scale
 
     return bool(
         (np.diff(lines[:, 0, :, 1], axis=0) < 0).all()
@@ -236,10 +234,8 @@ def _centres_mm(rng: np.random.Generator, average: DrawnHand, lengths_mm: Array,
     for digit, drawn_digit in average.items():
         base_sd_mm = drawn.THUMB_BASE_SD_MM if digit == "thumb" else drawn.BASE_SD_MM
         here = drawn_digit.base_mm * scale + base_sd_mm * _clipped_normal(rng, (3,))
-        # the same tilt for all bones keeps the digit straight
-        directions = rotations.unit(
-            drawn_digit.directions + drawn.DIRECTION_SD_RAD * _clipped_normal(rng, (3,))
-        )
+        tilt = drawn.DIRECTION_SD_RAD * _clipped_normal(rng, (3,))  # of all bones: the digit stays straight
+        directions = rotations.unit(drawn_digit.directions + tilt)
         for joint, direction in zip(_chain(digit), directions, strict=True):
             there = here + lengths_mm[joint + 1] * direction
             centres[joint + 1] = here, there
@@ -258,7 +254,7 @@ def _flexion_axes(
     off = drawn.AXIS_SD_RAD * _clipped_normal(rng, (len(JOINTS), 3))
     untilted = rotations.unit(axes)
     axes = rotations.unit(untilted + off)
-    if realism.perpendicular_mcp:
+    if realism.paper_joints:
         for digit in DIGITS:
             cmc, mcp = _chain(digit)[:2]
             base = centres_mm[cmc + 1, 0] if digit == "thumb" else np.zeros(3)
@@ -266,7 +262,7 @@ def _flexion_axes(
             axes[mcp] = _perpendicular(axes[mcp], along)
             if digit == "thumb":
                 axes[cmc] = _perpendicular(axes[cmc], along)
-    return axes, axes if realism.perpendicular_mcp else untilted
+    return axes, axes if realism.paper_joints else untilted
 
 
 def _perpendicular(vector: Array, to: Array) -> Array:
@@ -326,7 +322,7 @@ def _assemble(side: str, straight: _Straight, realism: Realism) -> RandomHand:
     to_parent = np.swapaxes(frames[PARENT], -1, -2)
     triples = np.stack([axes, *_second_and_third_axes(side, frames, straight)], 1)
     thumb, skew = JOINTS.index("thumb_cmc"), np.zeros((len(JOINTS), 3))
-    if not realism.hinges_only:
+    if not realism.paper_joints:
         # The offset points towards the metacarpal. It is a true vector, whereas axes mirror as
         # pseudo-vectors, so their cross product has the wrong sign in a left hand.
         across = rotations.unit(np.cross(triples[thumb, FLEXION], triples[thumb, ABDUCTION]))

@@ -12,20 +12,18 @@ from shukotsu.hand.drawn_hands import BLEND
 
 @dataclass(frozen=True)
 class Realism:
-    """Switches and scales of realism; each assumption of the paper can be kept or dropped independently.
+    """Switch and scales of realism.
 
     By default, everything that affects a real recording is simulated, except tracker faults.
 
     Attributes
     ----------
-    mobile_palm : bool
-        Metacarpals 4 and 5 (and, slightly, 2 and 3) move at their CMC joints.
-    hinges_only : bool
-        Every joint has a single fixed axis, even MCP joints, the thumb's CMC joint and the wrist.
-    perpendicular_mcp : bool
-        Bone frames are aligned with the flexion axes, and the MCP axis is perpendicular to the vector from
-        the wrist to the MCP joint (for the thumb: CMC and MCP axes perpendicular to the metacarpal), so that
-        Eq. 11 gives no twist.
+    paper_joints : bool
+        Joints are as the paper assumes. The palm is rigid: metacarpals 2 to 5 do not move at their CMC
+        joints. Every other joint has a single fixed axis, even MCP joints, the thumb's CMC joint and the
+        wrist. Bone frames are aligned with the flexion axes, and the MCP axis is perpendicular to the vector
+        from the wrist to the MCP joint (for the thumb: CMC and MCP axes perpendicular to the metacarpal), so
+        that Eq. 11 gives no twist.
     glide : float
         Scale of the motion of joint centres with flexion.
     anatomy : str
@@ -44,9 +42,7 @@ class Realism:
 
     """
 
-    mobile_palm: bool = True
-    hinges_only: bool = False
-    perpendicular_mcp: bool = False
+    paper_joints: bool = False
     glide: float = 1.0
     anatomy: str = BLEND
     mounts: float = 1.0
@@ -58,7 +54,7 @@ class Realism:
     @classmethod
     def exact(cls) -> Realism:
         """Return settings for which all assumptions of the paper hold up to rounding errors."""
-        return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+        return cls(True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
 
 
 def generator(seed: int, purpose: str, *names: str, session: str = "") -> np.random.Generator:

@@ -11,12 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, count_of
 from shukotsu.hand import rotations
-from shukotsu.simulate.forward import bone_poses, flexion_axis, relaxed_angles
+from shukotsu.simulate.forward import PoseArrays, bone_poses, flexion_axis, relaxed_angles
 from shukotsu.simulate.mounts import Mounts, displace, mounts_of, on_skin, saturating, skin_of
 from shukotsu.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, RandomHand, hand_of
 from shukotsu.simulate.realism import Realism, generator
@@ -26,7 +25,6 @@ from shukotsu.study.layout import Joint, read_layout
 from shukotsu.tables.poses import Poses
 
 LAYOUT = "liberty16"
-FIRST_FRAME = 1
 
 
 @dataclass(frozen=True)
@@ -100,9 +98,9 @@ class Truth:
         hand: RandomHand,
         mounts: Mounts,
         angles_rad: Array,
-        bones: tuple[Array, Array],
-        ridden: tuple[Array, Array],
-        recorded: tuple[Array, Array],
+        bones: PoseArrays,
+        ridden: PoseArrays,
+        recorded: PoseArrays,
     ) -> Truth:
         """Collect the truth of a recording of T frames.
 
@@ -114,9 +112,8 @@ class Truth:
             The hand and its S receivers.
         angles_rad : array, shape (T, J, 3)
             Joint angles.
-        bones, ridden, recorded : tuple of array
-            Positions, mm, and quaternions in the transmitter frame: of the bones, of the receivers on the
-            skin, and of the receivers as the tracker reports them.
+        bones, ridden, recorded : PoseArrays
+            The bones, the receivers on the skin, and the receivers as the tracker reports them.
 
         Returns
         -------
@@ -137,10 +134,11 @@ class Truth:
             if worn:
                 parent = mounts.segments.index(joint.parent_receiver)
                 parent_mm, axis_parent = _in_receiver(ridden, parent, centre_mm, axis)
-                apart = _to_transmitter(recorded, parent, parent_mm) - _to_transmitter(
-                    recorded, child, child_mm
+                first_mm, second_mm = (
+                    recorded[0][:, receiver] + rotations.rotate(recorded[1][:, receiver], half_mm)
+                    for receiver, half_mm in ((parent, parent_mm), (child, child_mm))
                 )
-                gap_mm = np.linalg.norm(apart, axis=-1)
+                gap_mm = np.linalg.norm(first_mm - second_mm, axis=-1)
             true_joints[joint.name] = TrueJoint(
                 joint.name,
                 joint.parent_receiver if worn else "",
@@ -153,32 +151,39 @@ class Truth:
                 float(np.degrees(np.ptp(angles_rad[:, index, FLEXION]))),
                 gap_mm,
             )
-        tip_mm = _ends_mm(hand.length_mm[TIP_BONES], *bones)
-        skin_tip_mm = _ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
+        tip_mm = distal_ends_mm(hand.length_mm[TIP_BONES], *bones)
+        skin_tip_mm = distal_ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
         pointing = rotations.rotate(bones[1][:, mounts.bone], np.array([1.0, 0.0, 0.0]))
         along = rotations.unit(rotations.rotate(rotations.conjugate(ridden[1]), pointing).mean(0))
         return cls(hand, mounts, angles_rad, *bones, tip_mm, skin_tip_mm, true_joints, along)
 
 
-def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
-    """Return points (T, 5, 3), transmitter frame, at distances length_mm (5,) along the distal bones."""
+def distal_ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
+    """Compute points on the axes of the distal bones.
+
+    Parameters
+    ----------
+    length_mm : array, shape (5,)
+        Distance from each bone's base.
+    bone_position_mm, bone_quaternion : array, shape (T, B, 3) and (T, B, 4)
+        Bones in the transmitter frame.
+
+    Returns
+    -------
+    array, shape (T, 5, 3)
+        Points in the transmitter frame, mm.
+
+    """
     along = np.zeros((len(DIGITS), 3))
     along[:, 0] = length_mm
     return bone_position_mm[:, TIP_BONES] + rotations.rotate(bone_quaternion[:, TIP_BONES], along)
 
 
-def _in_receiver(
-    poses: tuple[Array, Array], receiver: int, point_mm: Array, axis: Array
-) -> tuple[Array, Array]:
+def _in_receiver(poses: PoseArrays, receiver: int, point_mm: Array, axis: Array) -> tuple[Array, Array]:
     """Return the mean over frames of a point and an axis, (T, 3) each, in a receiver's frame."""
     back = rotations.conjugate(poses[1][:, receiver])
     seen_mm = rotations.rotate(back, point_mm - poses[0][:, receiver]).mean(0)
     return seen_mm, rotations.unit(rotations.rotate(back, axis).mean(0))
-
-
-def _to_transmitter(poses: tuple[Array, Array], receiver: int, point_mm: Array) -> Array:
-    """Return positions (T, 3), transmitter frame, of a point (3,) fixed in a receiver's frame."""
-    return np.asarray(poses[0][:, receiver] + rotations.rotate(poses[1][:, receiver], point_mm))
 
 
 @dataclass(frozen=True)
@@ -207,18 +212,13 @@ class Simulated:
     subject: str
     hand: str
     task: str
-    frame: npt.NDArray[np.int64]
+    frame: Integers
     time_s: Array
     segments: tuple[str, ...]
     position_mm: Array
     quaternion: Array
     truth: Truth
     session: str = ""
-
-    @property
-    def distal_mm(self) -> Array:
-        """Origins (T, 5, 3) of the distal receivers in the transmitter frame, mm."""
-        return self.position_mm[:, [self.segments.index(f"{digit}_distal") for digit in DIGITS]]
 
     def poses(self) -> Poses:
         """Return the recording as poses; poses that the tracker lost are not valid."""
@@ -273,7 +273,7 @@ def simulate(
     layout = read_layout(LAYOUT)
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
-    mounts = mounts_of(subject, hand, seed, anatomy, segments, realism, session)
+    mounts = mounts_of(subject, seed, anatomy, segments, realism, session)
     motion = move(subject, task, seed, anatomy, realism, n_frames, session)
     if change is not None:
         motion = change(motion)
@@ -292,12 +292,12 @@ def simulate(
     if realism.noise:
         rng = generator(seed, "noise", subject, hand, task, session=session)
         recorded = noisy(*recorded, realism.noise, rng)
-    joints = [replace(joint, dof=1) if realism.hinges_only else joint for joint in layout.solvable]
+    joints = [replace(joint, dof=1) if realism.paper_joints else joint for joint in layout.solvable]
     truth = Truth.of(joints, anatomy, mounts, motion.angles_rad, bones, ridden, recorded)
     if realism.faults:
         rng = generator(seed, "faults", subject, hand, task, session=session)
         recorded = faulty(*recorded, realism.faults, rng)
-    frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
+    frame = np.arange(1, n_frames + 1)
     return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth, session)
 
 

@@ -74,13 +74,7 @@ class TaskMotion:
 
 
 def move(
-    subject: str,
-    task: str,
-    seed: int,
-    hand: RandomHand,
-    realism: Realism,
-    n_frames: int,
-    session: str = "",
+    subject: str, task: str, seed: int, hand: RandomHand, realism: Realism, n_frames: int, session: str
 ) -> TaskMotion:
     """Simulate the motion of a hand during a task.
 
@@ -103,13 +97,12 @@ def move(
         Motion over T frames.
 
     """
-    side = hand.side
-    rng = generator(seed, "motion", subject, side, task, session=session)
+    rng = generator(seed, "motion", subject, hand.side, task, session=session)
     if task == "opposition":
-        stiffness = generator(seed, "dip", subject, side)
+        stiffness = generator(seed, "dip", subject, hand.side)
         script, weights = _opposition(rng, stiffness, hand, realism, n_frames)
     else:
-        script, weights = _range_of_motion(generator(seed, "range", subject, side))
+        script, weights = _range_of_motion(generator(seed, "range", subject, hand.side))
     script = script + _jitter_deg(rng, script, task)
     durations = weights * np.clip(1.0 + 0.15 * rng.standard_normal(len(weights)), 0.6, 1.4)
     ends = np.concatenate([[0.0], np.cumsum(durations)])

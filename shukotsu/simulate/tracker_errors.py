@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Bools
 from shukotsu.hand import rotations
+from shukotsu.simulate.forward import PoseArrays
 from shukotsu.simulate.realism import generator
 from shukotsu.simulate.task_motion import RATE_HZ
 
@@ -55,7 +55,7 @@ def turn_poses(quaternion: Array, rotation_vector_rad: Array) -> Array:
     return rotations.multiply(quaternion, rotations.about_axis(rotations.unit(rotation_vector_rad), angle))
 
 
-def distort(position_mm: Array, quaternion: Array, seed: int, scale: float) -> tuple[Array, Array]:
+def distort(position_mm: Array, quaternion: Array, seed: int, scale: float) -> PoseArrays:
     """Distort poses by the room's field: smooth, static and similar for neighbouring receivers.
 
     Parameters
@@ -84,9 +84,7 @@ def distort(position_mm: Array, quaternion: Array, seed: int, scale: float) -> t
     return position_mm + from_centre_mm @ strain.T, seen
 
 
-def noisy(
-    position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def noisy(position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator) -> PoseArrays:
     """Add the tracker's white noise to poses.
 
     Parameters
@@ -109,9 +107,7 @@ def noisy(
     return position_mm + noise_mm, turn_poses(quaternion, turn)
 
 
-def faulty(
-    position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def faulty(position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator) -> PoseArrays:
     """Add faults to poses: lost poses (NaN), quaternion sign changes, wrong hemispheres, and spikes.
 
     Parameters
@@ -141,9 +137,7 @@ def faulty(
     return position, turn
 
 
-def bursts(
-    rng: np.random.Generator, shape: tuple[int, int], share: float, mean_s: float
-) -> npt.NDArray[np.bool_]:
+def bursts(rng: np.random.Generator, shape: tuple[int, int], share: float, mean_s: float) -> Bools:
     """Draw bursts of frames of random length for each receiver.
 
     Parameters

@@ -148,11 +148,12 @@ def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
 def _tip_columns(simulated: Simulated) -> dict[str, Any]:
     """Build the columns of tips, including the additional ones."""
     tip, skin_tip = _by_digit(simulated.truth.tip_mm), _by_digit(simulated.truth.skin_tip_mm)
+    receivers = [simulated.segments.index(f"{digit}_distal") for digit in DIGITS]
     return {
         **_digit_columns(simulated),
         "time_s": np.tile(simulated.time_s, len(DIGITS)),
         **{f"tip_{axis}_mm": tip[:, i] for i, axis in enumerate("xyz")},
-        "error_mm": np.linalg.norm(tip - _by_digit(simulated.distal_mm), axis=-1),
+        "error_mm": np.linalg.norm(tip - _by_digit(simulated.position_mm[:, receivers]), axis=-1),
         "error_first_frame_mm": np.full(len(tip), np.nan),
         **{f"skin_tip_{axis}_mm": skin_tip[:, i] for i, axis in enumerate("xyz")},
     }

@@ -140,9 +140,7 @@ def device_clock(time_s: Array, frame: Integers | None = None) -> tuple[float | 
             breaks += _stood(changes[k] - rows[k], alike[k], start)
         elif back[k]:
             wrap = next((fall for fall in (DAY_S, *WRAPS_S) if abs(by_s + fall) <= 3 * usual_s), 0.0)
-            kind = "wrap" if wrap else "back"
-            if wrap == DAY_S:
-                kind = "midnight"
+            kind = {0.0: "back", DAY_S: "midnight"}.get(wrap, "wrap")
             breaks.append(ClockBreak(kind, int(changes[k]), 1, start, end, wrap or start - end))
         else:
             breaks.append(ClockBreak("ahead", int(changes[k]), 1, start, end, by_s))

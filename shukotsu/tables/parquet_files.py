@@ -135,7 +135,7 @@ def is_sealed(path: Path) -> bool:
 
 
 def column_ends(
-    path: Path, file: pq.ParquetFile, group: int, column: int, *, sealed: bool, with_nulls: bool = False
+    path: Path, file: pq.ParquetFile, group: int, column: int, *, sealed: bool, nullable: bool
 ) -> tuple[Any, Any] | None:
     """Return the smallest and largest value of a column in a row group, from the footer's statistics.
 
@@ -153,8 +153,8 @@ def column_ends(
         Indices of the row group and the column.
     sealed : bool
         Whether the file has a digest, see `is_sealed`.
-    with_nulls : bool
-        Whether to accept a column that has nulls.
+    nullable : bool
+        Whether the column may have nulls.
 
     Returns
     -------
@@ -174,6 +174,6 @@ def column_ends(
         if not sealed and chunk.physical_type != file.schema.column(column).physical_type:
             raise ValueError("a column's type is not that of its schema")
         statistics = chunk.statistics
-        if statistics is None or not statistics.has_min_max or (statistics.null_count and not with_nulls):
+        if statistics is None or not statistics.has_min_max or (statistics.null_count and not nullable):
             return None
         return statistics.min, statistics.max

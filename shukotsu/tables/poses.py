@@ -30,6 +30,9 @@ BLOCK_FRAMES = 1 << 16
 KEPT_BYTES = 200 * 10**6
 """Largest total size of cached recordings; one larger than a quarter of it is not cached."""
 
+Columns = dict[str, npt.NDArray[Any]]
+"""Columns of the poses table by name."""
+
 BYTES_A_POSE = 57
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _COLUMNS = ("frame", "time_s", *NUMBERS, "valid")
@@ -85,6 +88,11 @@ class Poses:
     def index(self, segment: str) -> int:
         """Return the index of the segment in the second dimension."""
         return self.segments.index(segment)
+
+    def rotation(self, segment: str) -> Array:
+        """Return the quaternions (T, 4) of a segment's receiver, NaN where it has no pose."""
+        index = self.index(segment)
+        return np.where(self.valid[:, index, None], self.quaternion[:, index], np.nan)
 
     def take(self, rows: slice | Integers) -> Poses:
         """Select frames.
@@ -303,9 +311,6 @@ def pose_blocks(
         pieces = {segment: _pieces(file, groups[segment], size) for segment in present}
         for start in range(0, max(1, n_frames), size):
             block = _empty(segments, min(size, n_frames - start))
-            for index, segment in enumerate(segments):
-                if segment not in pieces:
-                    block.position_mm[:, index] = block.quaternion[:, index] = np.nan
             for segment in present:
                 filled = 0
                 while filled < len(block.frame):
@@ -377,9 +382,7 @@ def _row_groups(file: TableFile) -> dict[str, list[int]]:
     return groups
 
 
-def _pieces(
-    file: TableFile, groups: Sequence[int], size: int
-) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
+def _pieces(file: TableFile, groups: Sequence[int], size: int) -> Iterator[tuple[slice, Columns]]:
     """Read a segment's columns, one row group at a time, split at the ends of blocks of `size` frames.
 
     Yields for each piece the slice of its block, and its columns.
@@ -402,15 +405,7 @@ def _unshared_frames(path: Path, segment: str) -> TableError:
     return TableError(f"{path}: segment {segment} has other frames than the other segments; make it again")
 
 
-def _fill(
-    path: Path,
-    block: Poses,
-    segment: str,
-    rows: slice,
-    columns: dict[str, npt.NDArray[Any]],
-    *,
-    first: bool,
-) -> None:
+def _fill(path: Path, block: Poses, segment: str, rows: slice, columns: Columns, *, first: bool) -> None:
     """Copy a segment's columns into rows of the block; the first segment also sets the frame numbers."""
     index = block.index(segment)
     if first:
@@ -434,8 +429,8 @@ def _empty(segments: Sequence[str], n_frames: int) -> Poses:
         tuple(segments),
         np.empty(n_frames, np.int64),
         np.full(n_frames, np.nan),
-        np.empty((*shape, 3), order="F"),
-        np.empty((*shape, 4), order="F"),
+        np.full((*shape, 3), np.nan, order="F"),
+        np.full((*shape, 4), np.nan, order="F"),
         np.zeros(shape, bool, order="F"),
     )
 

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError, TableError
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.parquet_files import column_ends, is_sealed, naming_damage, open_parquet, store_digest
@@ -30,6 +31,11 @@ METADATA_KEY = b"shukotsu"
 """Key of the schema-level metadata, a JSON object, for programs that drop Arrow's field metadata."""
 
 ROW_GROUP_ROWS = 1 << 17
+
+ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT"} | dict.fromkeys(
+    (pa.int8(), pa.int64()), "DELTA_BINARY_PACKED"
+)
+"""Parquet encodings by type; text columns have a dictionary, others the plain encoding."""
 
 
 @dataclass(frozen=True)
@@ -60,23 +66,18 @@ class Table:
 
     def column(self, name: str) -> Column:
         """Return a column by name. Raises KeyError if there is none."""
-        for column in self.columns:
-            if column.name == name:
-                return column
-        raise KeyError(name)
+        return {column.name: column for column in self.columns}[name]
 
     def arrow_schema(self, metadata: Mapping[str, Any]) -> pa.Schema:
         """Return the Arrow schema, with units and meanings in the fields and also in one JSON object."""
-        fields = [
-            pa.field(c.name, c.type, c.nullable, {"unit": c.unit, "description": c.description})
-            for c in self.columns
-        ]
+        meanings = {c.name: {"unit": c.unit, "description": c.description} for c in self.columns}
+        fields = [pa.field(c.name, c.type, c.nullable, meanings[c.name]) for c in self.columns]
         whole = {
             "schema": self.name,
             "schema_version": self.version,
             "program": PROGRAM,
             "program_version": VERSION,
-            "columns": {c.name: {"unit": c.unit, "description": c.description} for c in self.columns},
+            "columns": meanings,
             "key": list(self.key),
             **metadata,
         }
@@ -126,14 +127,7 @@ class Provenance:
         }
 
 
-def write_table(
-    path: Path,
-    table: Table,
-    columns: Mapping[str, Any],
-    provenance: Provenance,
-    *,
-    row_group_rows: int = ROW_GROUP_ROWS,
-) -> None:
+def write_table(path: Path, table: Table, columns: Mapping[str, Any], provenance: Provenance) -> None:
     """Write columns as one typed Parquet file, atomically.
 
     Parameters
@@ -146,8 +140,6 @@ def write_table(
         Name -> values, all of one length: arrays, lists or Arrow arrays; NaN becomes null.
     provenance : Provenance
         Inputs and parameters.
-    row_group_rows : int
-        Largest number of rows in a row group.
 
     Raises
     ------
@@ -158,12 +150,12 @@ def write_table(
     data = arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
     with table_writer(path, table, data.schema) as writer:
         if data.num_rows:
-            writer.write_table(data, row_group_size=row_group_rows)
+            writer.write_table(data, row_group_size=ROW_GROUP_ROWS)
 
 
 def write_table_in_parts(
     path: Path, table: Table, parts: Iterable[Mapping[str, Any]], provenance: Provenance
-) -> int:
+) -> None:
     """Write a table that does not fit into memory, atomically; every part becomes a row group.
 
     A part is compressed and written while the next one is computed.
@@ -175,16 +167,10 @@ def write_table_in_parts(
     parts : iterable of mapping
         Columns as for `write_table`, some rows at a time.
 
-    Returns
-    -------
-    int
-        Number of rows.
-
     """
     from concurrent.futures import Future, ThreadPoolExecutor
 
     schema = table.arrow_schema(provenance.metadata())
-    rows = 0
     with table_writer(path, table, schema) as writer, ThreadPoolExecutor(1) as pool:
         written: Future[None] | None = None
         for columns in parts:
@@ -192,10 +178,8 @@ def write_table_in_parts(
             if written is not None:
                 written.result()
             written = pool.submit(writer.write_table, data, row_group_size=max(1, data.num_rows))
-            rows += data.num_rows
         if written is not None:
             written.result()
-    return rows
 
 
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
@@ -217,7 +201,7 @@ class TableFile:
     path: Path
     table: Table
     file: pq.ParquetFile
-    _ends: dict[tuple[int, str, bool], tuple[Any, Any] | None] = field(default_factory=dict)
+    _ends: dict[tuple[int, str], tuple[Any, Any] | None] = field(default_factory=dict)
 
     @cached_property
     def group_rows(self) -> list[int]:
@@ -266,7 +250,7 @@ class TableFile:
             rows.validate(full=True)  # invalid UTF-8 would otherwise raise wherever the text is first used
         return rows
 
-    def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
+    def ends(self, group: int, name: str) -> tuple[Any, Any] | None:
         """Return the smallest and largest value of a column in a row group, see `column_ends`.
 
         Parameters
@@ -275,21 +259,19 @@ class TableFile:
             Index of the row group.
         name : str
             Name of the column.
-        with_nulls : bool
-            Whether to accept a column that has nulls.
 
         Returns
         -------
         tuple or None
-            The two values; None if the footer does not contain them.
+            The two values; None if the footer does not contain them, or if a column that may not be null has
+            nulls.
 
         """
-        key = group, name, with_nulls
-        if key not in self._ends:
-            at = group, self._index[name]
-            ends = column_ends(self.path, self.file, *at, sealed=self._sealed, with_nulls=with_nulls)
-            self._ends[key] = ends
-        return self._ends[key]
+        if (group, name) not in self._ends:
+            at, nullable = (group, self._index[name]), self.table.column(name).nullable
+            ends = column_ends(self.path, self.file, *at, sealed=self._sealed, nullable=nullable)
+            self._ends[group, name] = ends
+        return self._ends[group, name]
 
     def rows_with(
         self,
@@ -390,12 +372,12 @@ def key_of(row: Mapping[str, Any], columns: Sequence[str]) -> tuple[Any, ...]:
     return tuple(row[name] for name in columns)
 
 
-def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> Any:
+def vector_columns(prefix: str, vector: Array, suffix: str = "") -> Any:
     """Return the components of a vector (3,) as columns of a row, named by axis."""
     return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
 
 
-def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDArray[np.float64]:
+def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> Array:
     """Return the vector (3,) in the columns of a row that are named by axis, null as NaN."""
     return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
 
@@ -439,12 +421,7 @@ def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> 
 @contextmanager
 def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
     """Open a Parquet file of the table for writing; it is put in place when it is closed."""
-    encodings = {}
-    for column in table.columns:
-        if pa.types.is_floating(column.type):
-            encodings[column.name] = "BYTE_STREAM_SPLIT"
-        elif pa.types.is_integer(column.type):
-            encodings[column.name] = "DELTA_BINARY_PACKED"
+    encodings = {c.name: ENCODINGS[c.type] for c in table.columns if c.type in ENCODINGS}
     with replacing(path) as temporary:
         with pq.ParquetWriter(
             temporary,

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binom
 
 from benchmarks import sources, two_drawings
-from benchmarks.null_studies import any_shown, numbers
+from benchmarks.null_studies import any_shown
 from benchmarks.two_drawings import OTHER, OWN, errors_table, one_hand
 from shukotsu.hand import drawn_hands
 from shukotsu.scores.paired_statistics import group_difference, sign_flip_p
@@ -26,9 +26,9 @@ def test_few_null_studies_show_a_difference(n: int, m: int, ratio: float) -> Non
     rng = np.random.default_rng(7)
     shown = np.zeros(2)
     for _ in range(STUDIES):
-        first, other = ratio * numbers("normal", rng, (n, 8)), numbers("normal", rng, (m, 8))
+        first, other = ratio * rng.normal(size=(n, 8)), rng.normal(size=(m, 8))
         shown[0] += any_shown([group_difference(*pair).p for pair in zip(first.T, other.T, strict=True)])
-        shown[1] += any_shown([sign_flip_p(d) for d in numbers("normal", rng, (8, 8)).T])
+        shown[1] += any_shown([sign_flip_p(d) for d in rng.normal(size=(8, 8)).T])
     assert (shown <= binom.ppf(0.99, STUDIES, 0.07)).all()
 
 

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chains import quaternions
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -25,7 +24,7 @@ RADIAL = {"right": LATERAL, "left": -LATERAL}
 
 
 def some(seed: int, n: int = 20) -> Array:
-    return quaternions(Rotation.random(n, random_state=np.random.default_rng(seed)))
+    return Rotation.random(n, random_state=np.random.default_rng(seed)).as_quat(scalar_first=True)
 
 
 def some_angles(seed: int) -> Array:

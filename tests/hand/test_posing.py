@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chains import as_poses
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.posing import PosedRecording, Skeleton, digit_points, fitted_bones, receiver_bones
@@ -14,6 +15,7 @@ from shukotsu.hand.rotations import about_axis, conjugate, multiply, rotate
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
 from shukotsu.tables.poses import Poses
+from shukotsu.tables.typed_table import vector_columns, vector_of
 
 N_FRAMES = 30
 LAYOUT = read_layout("liberty16")
@@ -21,23 +23,16 @@ REPLAYED, FITTED = read_model("paper-fig4"), read_model("whole-hand")
 X, Y, Z = np.eye(3)
 
 
-def random_poses(segments: tuple[str, ...], seed: int = 1) -> Poses:
+def random_poses() -> Poses:
     """Return random poses of receivers, independent in every frame."""
-    rng = np.random.default_rng(seed)
-    shape = (N_FRAMES, len(segments))
-    turn = Rotation.random(N_FRAMES * len(segments), random_state=rng).as_quat(scalar_first=True)
-    position_mm = rng.normal(size=(*shape, 3)) * 100
-    frame = np.arange(N_FRAMES)
-    return Poses(segments, frame, frame / 100, position_mm, turn.reshape(*shape, 4), np.ones(shape, bool))
+    rng, shape = np.random.default_rng(1), (N_FRAMES, len(LAYOUT.measured))
+    turn = Rotation.random(np.prod(shape), random_state=rng).as_quat(scalar_first=True)
+    return as_poses(LAYOUT.measured, rng.normal(size=(*shape, 3)) * 100, turn.reshape(*shape, 4))
 
 
-def xyz(name: str, values: Any) -> dict[str, Any]:
-    return {name.format(axis): value for axis, value in zip("xyz", values, strict=True)}
-
-
-def random_skeleton(seed: int = 2) -> Skeleton:
+def random_skeleton() -> Skeleton:
     """Return a skeleton of the paper's Fig. 4 with random points in the receivers' frames."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(2)
     joints: dict[str, dict[str, Any]] = {}
     for joint in LAYOUT.solvable:
         joints[joint.name] = {
@@ -46,24 +41,24 @@ def random_skeleton(seed: int = 2) -> Skeleton:
             "dof": joint.dof,
             "status": "ok",
             "message": "",
-            **xyz("parent_{}_mm", rng.normal(size=3) * 20),
-            **xyz("child_{}_mm", rng.normal(size=3) * 20),
-            **xyz("axis_child_{}", Y),
+            **vector_columns("parent_", rng.normal(size=3) * 20, "_mm"),
+            **vector_columns("child_", rng.normal(size=3) * 20, "_mm"),
+            **vector_columns("axis_child_", Y),
         }
     bones: dict[tuple[str, str], dict[str, Any]] = {}
     for digit in LAYOUT.digits.values():
         for index, segment in enumerate(digit.segments):
             vector = rng.normal(size=3) * 10 + 30 * X
-            row: dict[str, Any] = {"driven_by": segment, **xyz("{}_mm", vector)}
-            if index == 0:
-                row = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
-            length_mm = float(np.linalg.norm(vector))
-            bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **row}
+            row = {"bone": segment, "length_mm": float(np.linalg.norm(vector)), "driven_by": ""}
+            row |= dict.fromkeys(("x_mm", "y_mm", "z_mm"))
+            if index > 0:
+                row |= {"driven_by": segment} | vector_columns("", vector, "_mm")
+            bones[digit.name, segment] = row
     return Skeleton(LAYOUT, REPLAYED, joints, bones)
 
 
-def random_metacarpals(seed: int = 3) -> dict[str, np.ndarray]:
-    rng = np.random.default_rng(seed)
+def random_metacarpals() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(3)
     return {
         name: Rotation.random(N_FRAMES, random_state=rng).as_quat(scalar_first=True) for name in LAYOUT.digits
     }
@@ -77,7 +72,7 @@ def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
 
 @pytest.fixture
 def replayed() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
-    skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
+    skeleton, poses, metacarpals = random_skeleton(), random_poses(), random_metacarpals()
     return skeleton, poses, metacarpals, receiver_bones(skeleton, poses, metacarpals)
 
 
@@ -94,7 +89,7 @@ def test_joints_move_rigidly_with_their_receivers(
             name = "wrist" if joint.parent == 0 and joint.name != "thumb_cmc" else joint.name
             side = "parent" if name == "thumb_cmc" else "child"
             row = skeleton.joints[name]
-            segment, point = row[f"{side}_segment"], np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"])
+            segment, point = row[f"{side}_segment"], vector_of(row, f"{side}_", "_mm")
         position_mm = carried(poses, segment, point)
         np.testing.assert_allclose(bones.position_mm[:, index], position_mm, atol=1e-9, err_msg=joint.name)
     assert len(bones.joints) == 25
@@ -110,7 +105,7 @@ def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
             continue
         row = skeleton.bones[joint.digit, joint.segment]
         if row["driven_by"]:
-            vector = np.array([row[f"{axis}_mm"] for axis in "xyz"])
+            vector = vector_of(row, "", "_mm")
             turn = Rotation.from_quat(poses.quaternion[:, poses.index(joint.segment)], scalar_first=True)
             x, z = (rotate(bones.quaternion[:, index], axis) for axis in (X, Z))
             np.testing.assert_allclose(x, turn.apply(vector / row["length_mm"]), atol=1e-12)
@@ -125,14 +120,10 @@ def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
             )
 
 
-def changed_joint(skeleton: Skeleton, name: str) -> Skeleton:
-    row = {**skeleton.joints[name], "status": "failed", "message": "too few frames (3)"}
-    return replace(skeleton, joints={**skeleton.joints, name: row})
-
-
 def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
-    skeleton = changed_joint(random_skeleton(), "ring_dip")
-    bones = receiver_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
+    skeleton = random_skeleton()
+    skeleton.joints["ring_dip"] |= {"status": "failed", "message": "too few frames (3)"}
+    bones = receiver_bones(skeleton, random_poses(), random_metacarpals())
     assert bones.left_out == {"ring": "ring_dip failed: too few frames (3)"}
     assert len(bones.joints) == 20
     assert bones.joints[bones.index("little_pip")].parent == bones.index("little_mcp")
@@ -162,7 +153,7 @@ def fitted_motion(amplitude_deg: float) -> tuple[dict[str, np.ndarray], dict[str
 
 def test_a_fitted_hand_is_posed_as_in_its_tables() -> None:
     skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(40)
-    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), *motion)
+    bones = fitted_bones(skeleton, random_poses(), *motion)
     for index, joint in enumerate(bones.joints):
         if joint.tip:
             np.testing.assert_array_equal(bones.position_mm[:, index], motion[1][joint.digit])
@@ -175,7 +166,7 @@ def test_a_fitted_hand_is_posed_as_in_its_tables() -> None:
 
 
 def test_a_fitted_hinges_axis_is_that_of_its_motion() -> None:
-    skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses(LAYOUT.measured)
+    skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses()
     motion = fitted_motion(40)
     bones = fitted_bones(skeleton, poses, *motion)
     index = bones.index("middle_pip")

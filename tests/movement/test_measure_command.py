@@ -70,7 +70,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
     subject = planned_subject(
         folder, recordings, ["rigid", "quick"], n_frames=N_FRAMES, seed=SEED, quick=alone
     )
-    played = play(SEED, "right", 0.4, 10.0, 0.2, "")
+    played = play(SEED, "right", 0.4, 10.0)
     write_poses(subject.poses("keys"), played.poses, "right", "keys")
     assert subject.fit("right") == 0
     with pytest.MonkeyPatch.context() as patch:

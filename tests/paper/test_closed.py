@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chains import Chain, gap_rms_mm, moments_of, quaternions, random_chain
+from chains import Chain, gap_rms_mm, moments_of, random_chain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -100,10 +100,10 @@ def test_nothing_depends_on_the_transmitter(seed: int) -> None:
     turn, shift = Rotation.random(random_state=rng), rng.normal(size=3) * 500
     order = rng.permutation(160)
     q, t = chain.poses.quaternion[order], chain.poses.position_mm[order]
+    turned = (turn * Rotation.from_quat(q.reshape(-1, 4), scalar_first=True)).as_quat(scalar_first=True)
     moved = replace(
         chain.poses,
-        quaternion=quaternions(turn * Rotation.from_quat(np.roll(q, -1, -1).reshape(-1, 4))).reshape(q.shape)
-        * rng.choice([-1.0, 1.0], (160, 3, 1)),
+        quaternion=turned.reshape(q.shape) * rng.choice([-1.0, 1.0], (160, 3, 1)),
         position_mm=turn.apply(t.reshape(-1, 3)).reshape(t.shape) + shift,
     )
     before, after = moments_of(chain), moments_of(chain, moved)

@@ -1,7 +1,7 @@
 """Eq. 8-11 against scipy's rotations and simulated palms with known metacarpals; the wrist point."""
 
 import numpy as np
-from chains import quaternions, smooth
+from chains import smooth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -59,7 +59,7 @@ def test_the_estimated_posture_equals_the_bones_true_change(seed: int) -> None:
     """Swing, then twist with factor 1 equals the metacarpal's change of posture to 1e-6 deg."""
     bone, vector, normal = palm(seed)
     posture = estimate_posture(vector, normal, first(vector, normal, bone[7].apply(Z), 7), 1.0)
-    true = quaternions(bone * bone[7].inv())
+    true = (bone * bone[7].inv()).as_quat(scalar_first=True)
     error = angle(multiply(conjugate(posture.change), true))
     assert np.degrees(error).max() < 1e-6
     assert posture.swing_rad[7] == posture.twist_rad[7] == 0
@@ -76,7 +76,7 @@ def test_hand_and_transmitter_frames_give_the_same_posture(seed: int) -> None:
     in_hand = hand.inv().apply(vector), hand.inv().apply(normal)
     seen = estimate_posture(*in_hand, first(*in_hand, hand[0].inv().apply(bone[0].apply(Z))), 1.0)
     world = estimate_posture(vector, normal, first(vector, normal, bone[0].apply(Z)), 1.0)
-    q = quaternions(hand)
+    q = hand.as_quat(scalar_first=True)
     back = multiply(multiply(q, seen.change), conjugate(q[0]))
     assert np.degrees(angle(multiply(conjugate(back), world.change))).max() < 1e-6
 

@@ -33,7 +33,7 @@ from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.layout import read_layout
 from shukotsu.study.study import Recording, Source
 from shukotsu.tables.poses import RecordingName
-from shukotsu.tables.typed_table import Provenance
+from shukotsu.tables.typed_table import Provenance, vector_columns
 
 NAN = float("nan")
 
@@ -67,7 +67,7 @@ def test_a_fitted_hand_has_a_separate_left_out_error() -> None:
     assert numbers["replay_mean_mm"] == 3.0
     assert numbers["posed_mean_mm"] == 1.0
     assert (numbers["left_out_mean_mm"], numbers["left_out_p95_mm"], numbers["n_frames"]) == (4.0, 4.0, 3)
-    assert "left_out_mean_mm" not in tip_numbers(replayed, None, fitted=True)
+    assert "left_out_mean_mm" not in tip_numbers(replayed, np.empty((0, 2)), fitted=True)
 
 
 def test_the_truth_is_compared_in_shared_frames() -> None:
@@ -85,11 +85,9 @@ Row = dict[str, Any]
 def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **other: Any) -> Row:
     row: Row = {"joint": joint, "status": "ok", "dof": 1, "sd_mm": None, "parent_segment": "x"}
     row["n_frames"] = 100
-    axes = {"axis_child_": (0.0, 1.0, 0.0), "axis_parent_": (0.0, 1.0, 0.0)}
-    for prefix, values in {"child_": child, "parent_": parent}.items():
-        row |= {f"{prefix}{axis}_mm": value for axis, value in zip("xyz", values, strict=True)}
-    for prefix, values in axes.items():
-        row |= {f"{prefix}{axis}": value for axis, value in zip("xyz", values, strict=True)}
+    for side, half_mm in (("child", child), ("parent", parent)):
+        row |= vector_columns(f"{side}_", np.array(half_mm), "_mm")
+        row |= vector_columns(f"axis_{side}_", np.array([0.0, 1.0, 0.0]))
     return row | other
 
 
@@ -106,13 +104,10 @@ def test_a_centres_error_is_split_along_and_across_its_axis() -> None:
     true = centre("index_pip", (1, 1, 1), (0, 0, 0))
     tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
     estimated = centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted)
+    expected_mm = {"error_mm": 5.0, "along_mm": 4.0, "across_mm": 3.0, "parent_error_mm": 6.0, "sd_mm": 3.8}
     errors = centre_errors(estimated, true)
-    assert errors["error_mm"] == pytest.approx(5.0)
-    assert errors["along_mm"] == pytest.approx(4.0)
-    assert errors["across_mm"] == pytest.approx(3.0)
-    assert errors["parent_error_mm"] == pytest.approx(6.0)
+    assert {name: errors[name] for name in expected_mm} == pytest.approx(expected_mm)
     assert errors["axis_deg"] == pytest.approx(np.degrees(0.2))
-    assert errors["sd_mm"] == 3.8
     # sd 3.8 mm as a ball: 95 % within 6.1 mm; covariances allow more along their long axis
     for sds_mm, expected in (
         (None, (True, True)),
@@ -156,7 +151,7 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
     simulated, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
     write_truth(folder, simulated, Provenance())
     truth, poses = read_truth(folder, name), simulated.poses()
-    true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
+    true = truth.digits(poses, LAYOUT)
     recording = Recording(name.of_hand, "rom", "", "both", Source(Path(), "", Path()))
     return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
 

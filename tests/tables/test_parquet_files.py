@@ -7,29 +7,23 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from chains import as_poses
+from simulated_poses import write_poses
 
 from shukotsu.errors import TableError
-from shukotsu.tables.catalogue import JOINT_CENTRES, POSES
+from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
-from shukotsu.tables.poses import Poses, read_poses, recording_name
-from shukotsu.tables.typed_table import Provenance, read_metadata, rows_of, write_table_in_parts
+from shukotsu.tables.poses import read_poses, recording_name
+from shukotsu.tables.typed_table import Provenance, read_metadata, rows_of
 
 SEGMENTS = ("hand", "index_proximal")
 PART = Part("right", "rigid", "", "01")
 
 
 def poses_file(path: Path) -> Path:
-    numbers = np.random.default_rng(1).normal(size=(len(SEGMENTS), 7, 20))
-    names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-    same = {"frame": range(20), "time_s": np.arange(20) / 240, "valid": [True] * 20, "flags": [""] * 20}
-    groups = [
-        {"segment": [segment] * 20, **same, **dict(zip(names, rows, strict=True))}
-        for segment, rows in zip(SEGMENTS, numbers, strict=True)
-    ]
-    recording = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
-    write_table_in_parts(path, POSES, groups, Provenance(parameters=recording))
-    return path
+    numbers = np.random.default_rng(1).normal(size=(20, len(SEGMENTS), 7))
+    return write_poses(path, as_poses(SEGMENTS, numbers[..., :3], numbers[..., 3:]), "right", "rom")
 
 
 def joints_file(path: Path) -> Path:
@@ -40,7 +34,7 @@ def joints_file(path: Path) -> Path:
 
 
 def all_of_poses(path: Path) -> object:
-    poses: Poses = read_poses(path, SEGMENTS)
+    poses = read_poses(path, SEGMENTS)
     arrays = (poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     return [recording_name(path), read_metadata(path), *(array.tobytes() for array in arrays)]
 

@@ -7,11 +7,10 @@ import pytest
 
 from shukotsu.errors import InputError
 from shukotsu.tables.catalogue import POSES
-from shukotsu.tables.poses import one_hand, pose_blocks, read_poses, recording_name
+from shukotsu.tables.poses import NUMBERS, one_hand, pose_blocks, read_poses, recording_name
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, write_table, write_table_in_parts
 
-NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 NAME = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
 
 

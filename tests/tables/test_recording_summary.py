@@ -10,28 +10,29 @@ from shukotsu.study.findings import NOTE, REFUSED, Finding, finding_of_text
 from shukotsu.study.recording_summary import recording_row
 from shukotsu.study.study import Recording, Source
 from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.poses import NUMBERS
 from shukotsu.tables.subjects import Hand
-from shukotsu.tables.typed_table import Provenance, write_failure, write_table
+from shukotsu.tables.typed_table import Provenance, write_failure, write_table_in_parts
 
 RECORDING = Recording(Hand("01", "right"), "rom", "2", "both", Source(Path("a.csv"), "data/a.csv", Path("l")))
 SEGMENTS = ("hand", "thumb", "index")
 N_FRAMES = 40
 
 
-def poses(
-    path: Path, parameters: dict[str, Any], valid: Any = True, time_s: Any = None, rows: int = 40
-) -> Path:
-    count = N_FRAMES * len(SEGMENTS)
-    times = np.tile(np.arange(N_FRAMES) / 240 + 3.0, len(SEGMENTS)) if time_s is None else time_s
+def poses(path: Path, parameters: dict[str, Any], valid: Any = True, rows: int = N_FRAMES) -> Path:
+    """Write a poses table; rows : rows per row group."""
+    count, frame = N_FRAMES * len(SEGMENTS), np.tile(np.arange(N_FRAMES), len(SEGMENTS))
     columns = {
-        "segment": np.repeat(SEGMENTS, N_FRAMES).tolist(),
-        "frame": np.tile(np.arange(N_FRAMES), len(SEGMENTS)),
-        "time_s": np.broadcast_to(times, count),
-        **dict.fromkeys(("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"), np.zeros(count)),
+        "segment": np.repeat(SEGMENTS, N_FRAMES),
+        "frame": frame,
+        "time_s": frame / 240 + 3.0,
+        **dict.fromkeys(NUMBERS, np.zeros(count)),
         "valid": np.broadcast_to(valid, count),
-        "flags": [""] * count,
+        "flags": np.full(count, ""),
     }
-    write_table(path, POSES, columns, Provenance((), parameters), row_group_rows=rows)
+    starts = range(0, count, rows)
+    groups = [{name: values[at : at + rows] for name, values in columns.items()} for at in starts]
+    write_table_in_parts(path, POSES, groups, Provenance((), parameters))
     return path
 
 
