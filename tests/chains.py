@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.rotations import Array, matrix
@@ -64,7 +65,7 @@ def random_chain(
     parents: tuple[int, ...] | None = None,
 ) -> Chain:
     """Return a random chain of hinges or, if off_axis_rad > 0, of joints that also turn a little about other
-    axes. Its frames are numbered from 1 at 240 Hz, and all poses are valid.
+    axes.
 
     in_plane : put every joint centre into its child's sagittal plane (y = 0), which its axis crosses steeply.
     parents : for a tree, the index of the parent of each segment after the first.
@@ -97,6 +98,13 @@ def random_chain(
         np.stack([rotation.as_quat(scalar_first=True) for rotation in rotations], 1),
     )
     return Chain(poses, parents, np.array(p), np.array(q), np.array(axis_parent), np.array(axis_child))
+
+
+def as_poses(segments: tuple[str, ...], position_mm: Array, quaternion: Array) -> Poses:
+    """Return valid poses with frames numbered from 1 at 240 Hz."""
+    frame = np.arange(1, len(position_mm) + 1)
+    valid: npt.NDArray[np.bool_] = np.ones(position_mm.shape[:2], bool)
+    return Poses(segments, frame, frame / 240.0, position_mm, quaternion, valid)
 
 
 def chain_layout(chain: Chain) -> Layout:
