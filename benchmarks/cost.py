@@ -41,10 +41,11 @@ MODELS = "paper-fig3-rest, paper-fig3, paper-fig4, paper-fig4-corrected, rigid, 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--subjects", type=int, nargs="+", default=[1, 10], help="subjects per study (1 10)")
+    parser.add_argument("--models", default=MODELS, help=f"models of each study ({MODELS})")
     parser.add_argument("--rounds", type=int, default=5, help="repetitions of each measurement of a hand (5)")
 
 
-def run(subjects: Sequence[int], rounds: int) -> Iterator[PrintedTable]:
+def run(subjects: Sequence[int], models: str, rounds: int) -> Iterator[PrintedTable]:
     """Yield the tables; the last study is run again unchanged, then with one more subject.
 
     rounds : repetitions of the measurements of a hand; 0 leaves them out.
@@ -62,13 +63,13 @@ def run(subjects: Sequence[int], rounds: int) -> Iterator[PrintedTable]:
         for count in subjects:
             folder, jobs = Path(name, f"study-{count}"), list[dict[str, Any]]()
             with measured_jobs(jobs) as address:
-                usage = run_copies(folder, simulated, count, **{job.ADDRESS: address})
+                usage = run_copies(folder, simulated, count, models, **{job.ADDRESS: address})
             rows.append(_row(f"{count} subjects, cold", usage))
             yield stage_table(f"{count} subjects", folder, jobs, usage)
-        rows.append(_row("then nothing changed", run_copies(folder, simulated, count)))
-        rows.append(_row("then a subject more", run_copies(folder, simulated, count + 1)))
+        rows.append(_row("then nothing changed", run_copies(folder, simulated, count, models)))
+        rows.append(_row("then a subject more", run_copies(folder, simulated, count + 1, models)))
     yield PrintedTable(
-        f"studies: {len(MODELS.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
+        f"studies: {len(models.split(','))} models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
         "The whole workflow, including report and figures and Snakemake's start and planning. Recordings are "
@@ -120,7 +121,7 @@ def _floor_s(folder: Path, of_job: dict[str, Any]) -> float:
     return seconds
 
 
-def run_copies(folder: Path, simulated: Path, subjects: int, **environment: str) -> Usage:
+def run_copies(folder: Path, simulated: Path, subjects: int, models: str, **environment: str) -> Usage:
     """Write a study with links to the simulated recordings for each subject, and run it."""
     sheet = ["subject\thand\ttask\trole\tfile"]
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
@@ -131,7 +132,7 @@ def run_copies(folder: Path, simulated: Path, subjects: int, **environment: str)
                 os.link(simulated / f"{index % SIMULATED}_{hand}_{task}.arrows", file)
             sheet.append(f"{index:04}\t{hand}\t{task}\t{ROLES[task]}\trecordings/{file.name}")
     (folder / "recordings.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
-    text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{MODELS}]\n"
+    text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{models}]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
     return run_study(folder, CORES, **environment)
 
