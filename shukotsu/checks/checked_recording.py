@@ -302,13 +302,15 @@ def _breaks(breaks: Sequence[Values]) -> list[Finding]:
 
 
 _UNIT_WORDS = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": "seconds"}
+_UNIT_WORDS |= {"hh:mm:ss": "times of day", "iso8601": "dates"}
+"""Words for `time_unit`."""
 
 
 def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Finding]:
     if factor is None:
         return []
     declared_unit = declared.time_unit or "s"
-    seconds, read = factor * SECONDS_PER_UNIT[declared_unit], _UNIT_WORDS[declared_unit]
+    read, seconds = _UNIT_WORDS[declared_unit], factor * SECONDS_PER_UNIT.get(declared_unit, np.nan)
     unit = next((name for name, s in SECONDS_PER_UNIT.items() if np.isclose(s, seconds, atol=0)), "")
     rate_hz = 1 / line.interval_s
     seen = {"rate_hz": rate_hz, "unit": unit, "read": read, "factor": factor, **declared.unmapped}

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.faultless_hands import Planted, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
+from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import matrix, multiply
 from shukotsu.readers.import_recording import import_for_the_moment
 from shukotsu.study.findings import SUSPECT
@@ -39,6 +40,15 @@ def test_a_planted_mistake_is_the_only_finding(planted: Planted, name: str, draw
     assert [finding.kind for finding in findings] == [kind]
     assert findings[0].message.endswith(".")
     assert "; " in findings[0].message
+
+
+@pytest.mark.parametrize("unit", ["hh:mm:ss", "iso8601"])
+def test_implausible_times_of_day_and_dates_are_to_be_scaled(planted: Planted, unit: str) -> None:
+    slow = replace(planted.poses, time_s=1000.0 * planted.poses.time_s)
+    declared = Declared(format="csv", time_unit=unit)
+    (finding,) = check_recording(slow, LAYOUT, "right", declared).findings
+    assert (finding.kind, finding.variant) == ("time-unit", "scaled")
+    assert "multiply the times by 0.001" in finding.message
 
 
 @pytest.mark.slow
