@@ -68,16 +68,16 @@ class RecordingRequest:
 
 def parse_stations(text: str) -> tuple[int, ...]:
     """Parse --stations: numbers and ranges such as 1-8,12. Raises InputError if it is invalid."""
-    stations: set[int] = set()
+    ranges = []
     try:
         for part in text.split(","):
             first, _, last = part.partition("-")
-            stations.update(range(int(first), int(last or first) + 1))
+            ranges.append(range(int(first), int(last or first) + 1))
     except ValueError as error:
         raise InputError(f"--stations: is {text!r}; expected numbers such as 1-8,12") from error
-    if not stations or not stations <= {*STATIONS}:
+    if not all(each and each[0] in STATIONS and each[-1] in STATIONS for each in ranges):
         raise InputError(f"--stations: is {text!r}; expected numbers from 1 to {STATIONS[-1]}")
-    return tuple(sorted(stations))
+    return tuple(sorted(set().union(*ranges)))
 
 
 def parse_hemisphere(text: str) -> tuple[float, float, float]:
