@@ -38,6 +38,7 @@ REFUSED = {
     f"{RECORD} --tracker viper --stations 1": "--stations: a VIPER sends every sensor",
     f"{RECORD} --tracker viper --items short": "--items: a VIPER has no output lists",
     f"{RECORD} --tracker patriot --rate 120": "--rate: a patriot has a fixed rate",
+    f"{RECORD} --stations 8-1": "--stations: is '8-1'; expected numbers from 1 to 16",
     f"{RECORD} --stations 0": "--stations: is '0'",
     f"{RECORD} --hemisphere up": "--hemisphere: is 'up'",
     RECORD: "/dev/no-such-port: no such port",
