@@ -317,8 +317,9 @@ def _sentence(error: Any) -> str:
     elif rule in _IN_WORDS:
         size = f"has {len(instance)}" if isinstance(instance, str | list | dict) else actual
         letters = " letters" if isinstance(instance, str) else ""
-        meaning = f": {error.schema['description']}" if isinstance(instance, list | dict) else ""
-        fault = f"{size}{letters}; expected {_IN_WORDS[rule]} {value}{meaning}"
+        meaning = error.schema.get("description") if isinstance(instance, list | dict) else None
+        bound = f"{size}{letters}; expected {_IN_WORDS[rule]} {value}"
+        fault = ": ".join(filter(None, (bound, meaning)))
     elif rule == "uniqueItems":
         fault = f"{actual}, which has an entry twice"
     else:

@@ -76,6 +76,7 @@ def test_a_plane_is_the_childs_sagittal_one_by_default(tmp_path: Path) -> None:
         ("segments.tip.reciever", 1, r"segments\.tip: unknown key 'reciever'; .*did you mean 'receiver'"),
         ("segments.Tip", {}, "segments: is 'Tip'; expected a name of small letters"),
         ("receiver_axes", {"distal": [0, 1, 0]}, "segments.hand: .*distal and lateral are not"),
+        ("receiver_axes", {"distal": [1, 0]}, "receiver_axes.distal: has 2; expected at least 3"),
         ("receiver_axes", {"distal": [2, 0, 0]}, "unit vectors at right angles; distal has length 2"),
         ("segments.tip.receiver_axes", {"dorsal": [1, 0, 0]}, "segments.tip: .*distal and dorsal are not"),
         ("joints.mcp.child", "tap", "joints.mcp.child: no segment is called 'tap'"),
