@@ -31,7 +31,7 @@ NOTE = "<!-- What follows is made by `make docs` from the schemas; change those.
 
 
 def pages() -> dict[str, str]:
-    """Return the pages by file name: what precedes NOTE in the page as it stands, then the generated part."""
+    """Return the pages by file name: the page's own text up to NOTE, then the generated part."""
     generated = {"tables.md": tables(), "configuration.md": configuration(), "mistakes.md": mistakes()}
     return {
         name: (DOCS / name).read_text("utf-8").partition(NOTE)[0] + "\n".join([NOTE, *lines, ""])
@@ -53,8 +53,8 @@ def tables() -> list[str]:
 
 
 def row_types() -> str:
-    """Return the stub of row types: its head as it stands, and a TypedDict for each table with a key for each
-    column.
+    """Return the file of row types: its own text up to the first class, then a TypedDict for each table with
+    a key for each column.
     """
     python = {"string": "str", "bool": "bool", "int8": "int", "int64": "int", "double": "float"}
     lines = [ROWS.read_text("utf-8").partition("\n\nclass ")[0]]

@@ -182,11 +182,13 @@ def _write_system(
     write_text(folder / f"{stem}_channels.tsv", tsv_text([list(rows[0]), *(row.values() for row in rows)]))
     write_text(folder / f"{stem}_channels.json", json_text({"reference_frame": frames}))
     write_text(folder / f"{stem}_motion.json", json_text(motion_json))
-    tables = (
-        pa.table({c.name: pc.cast(c.values, pa.string()).fill_null("n/a") for c in channels(part)})
-        for part in blocks(motion)
-    )
-    write_rows(folder / f"{stem}_motion.tsv", "", tables, "\t")
+
+    def tables() -> Iterable[pa.Table]:
+        for part in blocks(motion):
+            texts = [pc.cast(channel.values, pa.string()).fill_null("n/a") for channel in channels(part)]
+            yield pa.table(texts, [str(number) for number in range(len(texts))])
+
+    write_rows(folder / f"{stem}_motion.tsv", "", tables(), "\t")
 
 
 def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:

@@ -116,11 +116,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study(folder: Path) -> StudyRun:
-    """The faulty study after a run, which ended with exit code 0."""
+def ran(folder: Path) -> tuple[StudyRun, str]:
+    """The faulty study and what Snakemake printed during its run, which ended with exit code 0."""
     study = write_study(folder, "troubled", GOOD + BAD + LEFT_OUT, [MODEL], corrections="corrections.tsv")
-    assert study.run().count("the row was left out") == len(LEFT_OUT)
-    return study
+    return study, study.run("--verbose")
+
+
+@pytest.fixture(scope="module")
+def study(ran: tuple[StudyRun, str]) -> StudyRun:
+    return ran[0]
 
 
 @pytest.fixture(scope="module")
@@ -137,6 +141,16 @@ def empty_receiver(sound: Path, dead: Path) -> None:
         column = pc.if_else(empty, pa.scalar(None, pa.float64()), table.column(name))
         table = table.set_column(table.column_names.index(name), name, column)
     pq.write_table(table, dead)
+
+
+def test_rows_that_cannot_be_used_are_noted(ran: tuple[StudyRun, str]) -> None:
+    assert ran[1].count("the row was left out") == len(LEFT_OUT)
+
+
+def test_snakemake_schedules_only_when_a_job_has_ended(ran: tuple[StudyRun, str]) -> None:
+    """Snakemake's own timers would schedule more often the more jobs have ended."""
+    scheduled, ended = (ran[1].count(words) for words in ("Ready jobs: ", "Finished jobid: "))
+    assert 1 < scheduled <= ended + 1
 
 
 @pytest.mark.parametrize("table", STUDY_TABLES)
