@@ -15,19 +15,10 @@ from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.measured import not_measured_text, not_worn
 from shukotsu.paper.hand import BuiltHand, build_hand, pose_metacarpals
+from shukotsu.study import verdict
 from shukotsu.study.layout import Layout
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
-from shukotsu.study.verdict import (
-    LEAST_KNUCKLES_MM,
-    NOT_WORN,
-    SUSPECT,
-    TOO_CLOSE,
-    UNJUDGED,
-    Doubts,
-    judged_bone,
-    judged_joint,
-)
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, JOINT_CENTRES
 from shukotsu.tables.parts import Opened, Part, PartsWriter, read_part
 from shukotsu.tables.poses import poses_reader, seen_segments, usable_poses
@@ -72,12 +63,12 @@ def _without_numbers(row: JointCentresRow, message: str) -> JointCentresRow:
     """Reduce a row of joint_centres to that of a failed joint."""
     kept: Any = {name: value for name, value in row.items() if name in _KEPT_OF_FAILED}
     failed: JointCentresRow = {"status": "failed", "message": message}
-    failed |= UNJUDGED | kept
+    failed |= verdict.UNJUDGED | kept
     return failed
 
 
 def judge_hand(
-    hand: BuiltHand, layout: Layout, suspicion: Doubts, worn: Collection[str] | None = None
+    hand: BuiltHand, layout: Layout, suspicion: verdict.Doubts, worn: Collection[str] | None = None
 ) -> BuiltHand:
     """Add the verdict on every joint and bone.
 
@@ -106,9 +97,9 @@ def judge_hand(
         for row in hand.joints
     ]
     doubts = knuckles_too_close(_by("joint", rows), layout)  # none of them is unworn: those have no centre
-    doubts |= {joint: {NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()}
+    doubts |= {joint: {verdict.NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()}
     joints = {
-        row["joint"]: judged_joint(row, wanted_mm, {**suspicion, **doubts.get(row["joint"], {})})
+        row["joint"]: verdict.judged_joint(row, wanted_mm, {**suspicion, **doubts.get(row["joint"], {})})
         for row in rows
     }
     gone = {name for name, digit in layout.digits.items() if unworn.keys() >= {*digit.joints} & joints.keys()}
@@ -117,7 +108,7 @@ def judge_hand(
         {**bone, "length_mm": None, "sd_mm": None, "message": why} if bone["digit"] in gone else bone
         for bone in hand.bones
     ]
-    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in bones]
+    bones = [verdict.judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in bones]
     return replace(hand, joints=[*joints.values()], bones=bones)
 
 
@@ -134,7 +125,7 @@ def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, li
     return unworn
 
 
-def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
+def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, verdict.Doubts]:
     """Find neighbouring MCP centres that are implausibly close to each other.
 
     Parameters
@@ -151,15 +142,15 @@ def knuckles_too_close(joints: Rows, layout: Layout) -> dict[str, Doubts]:
 
     """
     knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
-    doubts: dict[str, Doubts] = {}
+    doubts: dict[str, verdict.Doubts] = {}
     for pair in pairwise(joint for joint in knuckles if joint in joints):
         first, second = (
             np.array([joints[joint].get(f"parent_{axis}_mm") for axis in "xyz"], float) for joint in pair
         )
         apart_mm = float(np.linalg.norm(first - second))
         receivers = {layout.joints[joint].parent_receiver for joint in pair}
-        if len(receivers) == 1 and apart_mm < LEAST_KNUCKLES_MM:
-            doubts |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
+        if len(receivers) == 1 and apart_mm < verdict.LEAST_KNUCKLES_MM:
+            doubts |= {joint: {verdict.TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
     return doubts
 
 
@@ -197,7 +188,7 @@ def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mappin
     parameters = {"calibrated_on": [recording.title for recording in calibration]}
     suspects = [recording.title for recording in plan.suspect if recording.hand.hand == part.hand]
     worn = {segment for path in usable for segment in seen_segments(path)} or None
-    hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {}, worn)
+    hand = judge_hand(hand, layout, {verdict.SUSPECT: {"recordings": suspects}} if suspects else {}, worn)
     tables["joint_centres"].rows(part, hand.joints, **parameters)
     tables["bone_lengths"].rows(part, hand.bones, **parameters)
     tables["metacarpals"].rows(part, [], **parameters)

@@ -23,30 +23,13 @@ import numpy as np
 import pandas as pd
 
 from shukotsu.arrays import Array
-from shukotsu.scores.observations import (
-    ERROR_COLUMNS,
-    METRICS,
-    PRIOR,
-    RECORDING_COLUMNS,
-    SCORE_COLUMNS,
-    Metric,
-    ScoredStudy,
-    observations,
-)
+from shukotsu.scores.observations import METRICS, PRIOR, Metric, ScoredStudy, observations, read_scores
 from shukotsu.scores.paired_statistics import EQUAL, holm, paired_difference, smallest_p
-from shukotsu.study.model import paper_skeleton, read_model
+from shukotsu.study.model import paper_skeleton
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study
-from shukotsu.tables.catalogue import (
-    JOINT_ERRORS,
-    MODEL_DIFFERENCES,
-    MODEL_PAIRS,
-    MODEL_VALUES,
-    PROBLEMS,
-    RECORDINGS,
-    SKELETON_SCORES,
-)
-from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+from shukotsu.tables import catalogue
+from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import ModelDifferencesRow, ModelPairsRow, ModelValuesRow
@@ -225,9 +208,6 @@ def _difference(shared: Sequence[ModelPairsRow]) -> ModelDifferencesRow:
     return row
 
 
-_HAND = ["subject", "session", "hand"]
-
-
 def compare_study(study: Study, results: Results) -> None:
     """Compare a study's models and write the tables model_values, model_pairs and model_differences.
 
@@ -244,58 +224,13 @@ def compare_study(study: Study, results: Results) -> None:
         If a table is damaged.
 
     """
-    inputs = (SKELETON_SCORES, JOINT_ERRORS, RECORDINGS, PROBLEMS)
+    inputs = (catalogue.SKELETON_SCORES, catalogue.JOINT_ERRORS, catalogue.RECORDINGS, catalogue.PROBLEMS)
     comparison = compare_models(read_scores(study, results))
     paths = [results.study_table(table.name) for table in inputs]
     provenance = Provenance.of([*study.sheets.values(), *paths])
     for table, rows in (
-        (MODEL_VALUES, comparison.values),
-        (MODEL_PAIRS, comparison.pairs),
-        (MODEL_DIFFERENCES, comparison.differences),
+        (catalogue.MODEL_VALUES, comparison.values),
+        (catalogue.MODEL_PAIRS, comparison.pairs),
+        (catalogue.MODEL_DIFFERENCES, comparison.differences),
     ):
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
-
-
-def read_scores(study: Study, results: Results) -> ScoredStudy:
-    """Read the models, scores, joint errors and recordings of a study, leaving out suspect hands.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    results : Results
-        Paths of its results.
-
-    Returns
-    -------
-    ScoredStudy
-        Input of `compare_models`.
-
-    Raises
-    ------
-    TableError
-        If a table does not exist or is damaged.
-
-    """
-    problems = _read(results, PROBLEMS, [*_HAND, "severity"])
-    suspect = problems.loc[problems["severity"] == "suspect", _HAND].drop_duplicates()
-    return ScoredStudy(
-        subjects=tuple(dict.fromkeys(recording.hand.subject for recording in study.recordings)),
-        models={name: read_model(path.absolute()) for name, path in study.models.items()},
-        layouts={hand: study.judged_layout(hand) for hand in study.hands},
-        scores=_without(_read(results, SKELETON_SCORES, SCORE_COLUMNS), suspect),
-        errors=_without(_read(results, JOINT_ERRORS, ERROR_COLUMNS), suspect),
-        recordings=_read(results, RECORDINGS, RECORDING_COLUMNS),
-    )
-
-
-def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
-    """Read columns of a study table as a data frame."""
-    frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
-    return frame
-
-
-def _without(rows: pd.DataFrame, suspect: pd.DataFrame) -> pd.DataFrame:
-    """Drop the rows of suspect hands."""
-    of_suspect = rows.merge(suspect, how="left", on=_HAND, indicator=True)["_merge"] == "both"
-    return rows[~of_suspect.to_numpy()]

@@ -12,39 +12,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from shukotsu.arrays import Array, Integers
+from shukotsu.arrays import Array
 from shukotsu.errors import join_reasons
 from shukotsu.hand.digit_chain import Rows, all_valid, carried_mm
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.posed_recording import QUATERNION, RecordingReader, part_rows, readable
 from shukotsu.hand.rotations import conjugate, rotate
-from shukotsu.scores.truth import (
-    TIP,
-    RecordingTruth,
-    Stated,
-    TrueDigit,
-    at_frames,
-    directions,
-    joint_errors,
-    read_truth,
-    truth_for,
-)
+from shukotsu.scores.truth import TIP, RecordingTruth, Stated, TrueDigit, joint_errors, read_truth, truth_for
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
-from shukotsu.tables.catalogue import (
-    BONE_LENGTHS,
-    BONE_POSES,
-    JOINT_CENTRES,
-    JOINT_ERRORS,
-    METACARPALS,
-    POSED_TIPS,
-    SKELETON_SCORES,
-    TIP_ERRORS,
-    TIPS,
-)
+from shukotsu.tables import catalogue
 from shukotsu.tables.parts import Opened, Part, opened_once
 from shukotsu.tables.poses import Poses, RecordingName, read_poses
 from shukotsu.tables.typed_table import Table, vector_of
@@ -132,7 +112,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
     def rows(table: Table) -> list[Any]:
         return readable(lambda: part_rows(reader.tables, opened, table, part), reasons) or []
 
-    joints, bones = rows(JOINT_CENTRES), rows(BONE_LENGTHS)
+    joints, bones = rows(catalogue.JOINT_CENTRES), rows(catalogue.BONE_LENGTHS)
     stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
     if reference:
         calibrating, calibrated_on = plan.all_calibrating(hand), ""
@@ -145,7 +125,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
     else:
         calibrating = plan.calibrating(hand, part.model, part.made_without)
         calibrated_on = ";".join(", ".join(filter(None, (r.task, r.trial))) for r in calibrating)
-        errors = rows(TIP_ERRORS)
+        errors = rows(catalogue.TIP_ERRORS)
         tip_messages = {(row["task"], row["trial"], row["digit"]): row["message"] for row in errors}
     tasks = tuple(recording.task for recording in calibrating)
     return ScoredSkeleton(
@@ -258,12 +238,14 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
 
         replayed = posed = np.empty((0, len(columns)))
         if not skeleton.reference:
-            replayed = posed = numbers(TIPS, columns, digit.name)
+            replayed = posed = numbers(catalogue.TIPS, columns, digit.name)
         if reader.is_fitted and not lost:
-            posed = numbers(POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
+            posed = numbers(catalogue.POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
         bone = np.empty((0, 5))
         if recording.truth and not lost:
-            table, of = (BONE_POSES, digit.segments[0]) if skeleton.reference else (METACARPALS, digit.name)
+            table, of = catalogue.METACARPALS, digit.name
+            if skeleton.reference:
+                table, of = catalogue.BONE_POSES, digit.segments[0]
             bone = numbers(table, ("frame", *QUATERNION), of)
         message = skeleton.tip_messages.get((recorded.task, recorded.trial, digit.name), "")
         row = recording.row(digit.name, reader.part.model, join_reasons([*reasons, message]))
@@ -279,10 +261,9 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
         row |= tip_numbers(replayed, posed, fitted=reader.is_fitted)
         true = recording.truth.get(digit.name)
         if true is not None:
-            row |= true_tip_numbers(posed[:, 2:5], frame, true)
+            row |= mean_and_p95("true_tip", true.tip_errors_mm(posed[:, 2:5], frame))
             if digit.metacarpal:
-                direction = directions(bone[:, 1:])
-                row["metacarpal_deg"] = metacarpal_deg(direction, bone[:, 0].astype(np.int64), true)
+                row["metacarpal_deg"] = true.metacarpal_deg(bone[:, 1:], bone[:, 0].astype(np.int64))
         rows.append(row)
     return rows
 
@@ -317,53 +298,6 @@ def tip_numbers(replayed: Array, posed: Array, *, fitted: bool) -> SkeletonScore
     numbers |= mean_and_p95("replay", replay_mm)
     numbers |= mean_and_p95("left_out", posed[:, -1] if fitted else replay_mm)
     return numbers
-
-
-def true_tip_numbers(tip_mm: Array, frame: Integers, true: TrueDigit) -> SkeletonScoresRow:
-    """Compute the mean and the 95th percentile of the distance from tips to the true tips.
-
-    Parameters
-    ----------
-    tip_mm : array, shape (T, 3)
-        Tips in the transmitter frame, mm.
-    frame : array of int, shape (T,)
-        Their frame numbers.
-    true : TrueDigit
-        The truth.
-
-    Returns
-    -------
-    dict
-        true_tip_mean_mm and true_tip_p95_mm; empty without a common frame.
-
-    """
-    apart = np.linalg.norm(tip_mm - at_frames(true.tip_mm, true.frame, frame), axis=-1)
-    numbers: SkeletonScoresRow = mean_and_p95("true_tip", apart)
-    return numbers
-
-
-def metacarpal_deg(direction: Array, frame: Integers, true: TrueDigit) -> float | None:
-    """Compute the mean angle between directions of a metacarpal and the true ones.
-
-    Parameters
-    ----------
-    direction : array, shape (T, 3)
-        Unit directions in the transmitter frame.
-    frame : array of int, shape (T,)
-        Their frame numbers.
-    true : TrueDigit
-        The truth.
-
-    Returns
-    -------
-    float or None
-        Angle, deg; None without a common frame.
-
-    """
-    truth = at_frames(true.metacarpal, true.frame, frame)
-    apart, together = (np.linalg.norm(vector, axis=-1) for vector in (direction - truth, direction + truth))
-    angle = finite_values(np.degrees(2 * np.arctan2(apart, together)))
-    return float(angle.mean()) if len(angle) else None
 
 
 def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows) -> float | None:
@@ -454,7 +388,8 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Skeleton
     row["n_frames"] = int(valid.sum())
     row |= mean_and_p95("replay", np.zeros(row["n_frames"]))
     if true is not None:
-        row |= true_tip_numbers(poses.position_mm[valid, index], poses.frame[valid], true)
+        errors_mm = true.tip_errors_mm(poses.position_mm[valid, index], poses.frame[valid])
+        row |= mean_and_p95("true_tip", errors_mm)
     return row
 
 
@@ -474,7 +409,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonSc
         return None
     measured = [name for name in digit.segments if recording.layout.segments[name].measured]
     usable = all_valid(poses, (digit.base, *measured))
-    bone = true.metacarpal_mm * at_frames(true.metacarpal, true.frame, poses.frame)
+    bone = true.metacarpal_mm * true.metacarpals_at(poses.frame)
     replayed = carried_mm(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
     for segment in digit.segments[1:-1]:
         bone_mm = vector_of(bones[segment], "", "_mm")
@@ -489,7 +424,9 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> SkeletonSc
     row["metacarpal_deg"] = 0.0
     tip_mm = carried_mm(poses, digit.tip, dip_mm + vector_of(bones[digit.tip], "", "_mm"))
     valid = poses.valid[:, last]
-    return row | true_tip_numbers(np.where(valid[:, None], tip_mm, np.nan), poses.frame, true)
+    errors_mm = true.tip_errors_mm(np.where(valid[:, None], tip_mm, np.nan), poses.frame)
+    row |= mean_and_p95("true_tip", errors_mm)
+    return row
 
 
 def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
@@ -548,7 +485,8 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow]
                 "calibrated_on": skeleton.calibrated_on,
             }
             errors += [{**keys, **row} for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
-    return _first_of_each(scores, SKELETON_SCORES.key), _first_of_each(errors, JOINT_ERRORS.key)
+    scores = _first_of_each(scores, catalogue.SKELETON_SCORES.key)
+    return scores, _first_of_each(errors, catalogue.JOINT_ERRORS.key)
 
 
 def _first_of_each(rows: Sequence[Scored], key: Sequence[str]) -> list[Scored]:

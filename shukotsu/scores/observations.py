@@ -1,19 +1,24 @@
-"""Observations by which skeleton models are compared: one value, or the reason why it is missing, per place.
+"""Scores of a study, and the observations by which its skeleton models are compared.
 
-A place is a digit in a recording, or a joint of a hand.
+An observation is one value, or the reason why it is missing, per place. A place is a digit in a recording,
+or a joint of a hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import pandas as pd
 
 from shukotsu.study.layout import Layout
-from shukotsu.study.model import SkeletonModel
+from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.results import Results
+from shukotsu.study.study import Study
+from shukotsu.tables.catalogue import JOINT_ERRORS, PROBLEMS, RECORDINGS, SKELETON_SCORES
 from shukotsu.tables.subjects import Hand
+from shukotsu.tables.typed_table import Table, read_table
 
 PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
 
@@ -56,12 +61,13 @@ METRICS = (
 NO_NUMBER = "no value"
 OTHER_KIND = {True: "made from this task too: not held out", False: "made without this task: not in-sample"}
 _PLACE = ["subject", "model", "digit", "place"]
-_SKELETON = ["subject", "session", "hand", "model", "calibrated_on"]
+_HAND = ["subject", "session", "hand"]
+_SKELETON = [*_HAND, "model", "calibrated_on"]
 _SCORES = [metric.name for metric in METRICS if metric.table == "skeleton_scores"]
 _ERRORS = [metric.name for metric in METRICS if metric.table == "joint_errors"]
-SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message", *_SCORES)
-ERROR_COLUMNS = (*_SKELETON, "joint", *_ERRORS)
-RECORDING_COLUMNS = ("subject", "session", "hand", "task", "trial", "role", "status", "message")
+_SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message", *_SCORES)
+_ERROR_COLUMNS = (*_SKELETON, "joint", *_ERRORS)
+_RECORDING_COLUMNS = ("subject", "session", "hand", "task", "trial", "role", "status", "message")
 
 
 @dataclass(frozen=True)
@@ -77,8 +83,7 @@ class ScoredStudy:
     layouts : mapping
         Hand -> layout.
     scores, errors, recordings : DataFrame
-        Tables skeleton_scores, joint_errors and recordings, with SCORE_COLUMNS, ERROR_COLUMNS and
-        RECORDING_COLUMNS.
+        Tables skeleton_scores, joint_errors and recordings, as far as they are compared.
 
     """
 
@@ -94,6 +99,51 @@ class ScoredStudy:
         return [
             name for name, model in self.models.items() if not metric.fitted_only or model.fitting is not None
         ]
+
+
+def read_scores(study: Study, results: Results) -> ScoredStudy:
+    """Read the models, scores, joint errors and recordings of a study, leaving out suspect hands.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    results : Results
+        Paths of its results.
+
+    Returns
+    -------
+    ScoredStudy
+        Models and scores to compare.
+
+    Raises
+    ------
+    TableError
+        If a table does not exist or is damaged.
+
+    """
+    problems = _read(results, PROBLEMS, [*_HAND, "severity"])
+    suspect = problems.loc[problems["severity"] == "suspect", _HAND].drop_duplicates()
+    return ScoredStudy(
+        subjects=tuple(dict.fromkeys(recording.hand.subject for recording in study.recordings)),
+        models={name: read_model(path.absolute()) for name, path in study.models.items()},
+        layouts={hand: study.judged_layout(hand) for hand in study.hands},
+        scores=_without(_read(results, SKELETON_SCORES, _SCORE_COLUMNS), suspect),
+        errors=_without(_read(results, JOINT_ERRORS, _ERROR_COLUMNS), suspect),
+        recordings=_read(results, RECORDINGS, _RECORDING_COLUMNS),
+    )
+
+
+def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
+    """Read columns of a study table as a data frame."""
+    frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
+    return frame
+
+
+def _without(rows: pd.DataFrame, suspect: pd.DataFrame) -> pd.DataFrame:
+    """Drop the rows of suspect hands."""
+    of_suspect = rows.merge(suspect, how="left", on=_HAND, indicator=True)["_merge"] == "both"
+    return rows[~of_suspect.to_numpy()]
 
 
 class Observation(NamedTuple):

@@ -71,6 +71,36 @@ class TrueDigit:
     metacarpal: Array
     metacarpal_mm: float
 
+    def tip_errors_mm(self, tip_mm: Array, frame: Integers) -> Array:
+        """Return the distances (N,), mm, of tips (N, 3) in frames (N,) from the true tips; else NaN."""
+        return np.asarray(np.linalg.norm(tip_mm - at_frames(self.tip_mm, self.frame, frame), axis=-1))
+
+    def metacarpals_at(self, frame: Integers) -> Array:
+        """Return the true directions (N, 3) of the metacarpal in frames (N,); NaN in other frames."""
+        return at_frames(self.metacarpal, self.frame, frame)
+
+    def metacarpal_deg(self, quaternion: Array, frame: Integers) -> float | None:
+        """Compute the mean angle between directions of the metacarpal and the true ones.
+
+        Parameters
+        ----------
+        quaternion : array, shape (N, 4)
+            Metacarpal to transmitter frame.
+        frame : array of int, shape (N,)
+            Frame numbers.
+
+        Returns
+        -------
+        float or None
+            Angle, deg; None without a common frame.
+
+        """
+        direction, truth = directions(quaternion), self.metacarpals_at(frame)
+        apart, together = (np.linalg.norm(sides, axis=-1) for sides in (direction - truth, direction + truth))
+        angle_deg = np.degrees(2 * np.arctan2(apart, together))
+        angle_deg = angle_deg[np.isfinite(angle_deg)]
+        return float(angle_deg.mean()) if len(angle_deg) else None
+
 
 @dataclass(frozen=True)
 class RecordingTruth:
