@@ -28,30 +28,22 @@ def solve(arguments: argparse.Namespace) -> None:
     """Solve the joints of every hand under every model, with all tasks and without each task left out."""
     from shukotsu.errors import InputError
     from shukotsu.hand.known_digits import refusal
-    from shukotsu.paper.part_solutions import PartRequest, solve_parts
+    from shukotsu.paper.part_solutions import solve_parts
     from shukotsu.tables.typed_table import Provenance
 
     plan = subject_stage.plan_of(arguments)
     if not plan.models:
         raise InputError("--model: is missing; expected a skeleton model that ships, or a path")
     provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
-    requests = [
-        PartRequest(
-            part,
-            tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
-            plan.layouts[part.hand],
-            plan.models[part.model].solving,
-        )
-        for part in plan.parts()
-    ]
-    outcomes = solve_parts(requests)
+    outcomes = solve_parts(plan)
     with subject_stage.writing(arguments, WRITES, provenance) as tables:
         solutions = tables["joint_solutions"]
-        for part, outcome in outcomes.items():
+        for part in plan.parts():
             with subject_stage.recording_failure(arguments, part, solutions):
                 plan.check_calibration_left(part.hand)
                 if reason := refusal(plan.layouts[part.hand], part.model, plan.models[part.model]):
                     raise InputError(reason)
+                outcome = outcomes[part]
                 if isinstance(outcome, Exception):
                     raise outcome
                 solutions.rows(part, [{**plan.who._asdict(), **row} for row in outcome])

@@ -73,11 +73,13 @@ class Bone:
 
 @dataclass(frozen=True)
 class MetacarpalBone:
-    """Metacarpal of a digit, with the mode by which it is posed (`metacarpal_mode`)."""
+    """Metacarpal of a digit under a model, with the mode by which it is posed (`metacarpal_mode`)."""
 
     chain: DigitChain
     mode: str
     bone: Bone
+    layout: Layout
+    model: SkeletonModel
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
@@ -195,12 +197,7 @@ def _half(rows: Rows, joint: str, side: str) -> Array:
 
 
 def metacarpal_columns(
-    metacarpal: MetacarpalBone,
-    layout: Layout,
-    model: SkeletonModel,
-    poses: Poses,
-    neutral: tuple[Reference, Array] | None,
-    fitted: Array | None,
+    metacarpal: MetacarpalBone, poses: Poses, neutral: tuple[Reference, Array] | None, fitted: Array | None
 ) -> dict[str, Any]:
     """Compute the posture of one metacarpal in some frames, as columns of the table metacarpals.
 
@@ -208,8 +205,6 @@ def metacarpal_columns(
     ----------
     metacarpal : MetacarpalBone
         The metacarpal and its mode.
-    layout, model : Layout, SkeletonModel
-        Layout of the hand, and skeleton model.
     poses : Poses
         T frames.
     neutral : tuple or None
@@ -231,14 +226,14 @@ def metacarpal_columns(
         quaternion = np.full((len(poses.frame), 4), np.nan)
         if neutral is not None:
             reference, bone = neutral
-            posture = _posture(chain, layout, model, poses, reference)
+            posture = _posture(metacarpal, poses, reference)
             hand = segment_quaternions(poses, chain.digit.base)
             quaternion = multiply(hand, multiply(posture.change, bone))
     elif mode == "fitted":
         assert fitted is not None, "the fit of the whole hand poses this metacarpal"
         quaternion, usable = fitted, np.isfinite(fitted[:, 0])
     else:
-        quaternion = _carried_postures(metacarpal, layout, model, poses)
+        quaternion = _carried_postures(metacarpal, poses)
     seen = all_valid(poses, (chain.digit.base, chain.digit.segments[1]))
     return {
         "frame": poses.frame,
@@ -260,23 +255,20 @@ def _posture_segments(chain: DigitChain, mode: str) -> tuple[str, ...]:
     }[mode]
 
 
-def _carried_postures(
-    metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses
-) -> Array:
+def _carried_postures(metacarpal: MetacarpalBone, poses: Poses) -> Array:
     """Return quaternions (T, 4) of a metacarpal that a receiver or the hand carries, or that is at rest."""
     if metacarpal.mode == "rest":
-        direction = np.array(model.metacarpals.rest_direction, float)
+        direction = np.array(metacarpal.model.metacarpals.rest_direction, float)
         upright = np.eye(3)[2] if np.abs(direction[:2]).any() else np.eye(3)[1]
         return np.tile(from_matrix(bone_frame(direction, upright)), (len(poses.frame), 1))
     bone = metacarpal.bone
     assert bone.vector_mm is not None, "a bone that is carried has a vector"
-    align = from_matrix(bone_frame(bone.vector_mm, np.array(layout.segments[bone.driven_by].dorsal)))
+    dorsal = np.array(metacarpal.layout.segments[bone.driven_by].dorsal)
+    align = from_matrix(bone_frame(bone.vector_mm, dorsal))
     return multiply(segment_quaternions(poses, bone.driven_by), align)
 
 
-def neutral_posture(
-    metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
-) -> tuple[Reference, Array] | None:
+def neutral_posture(metacarpal: MetacarpalBone, recording: PosesReader) -> tuple[Reference, Array] | None:
     """Find the reference frame of an estimated metacarpal, and its neutral orientation.
 
     The neutral twist is the circular mean over the recording, so that it does not depend on a single frame
@@ -286,8 +278,6 @@ def neutral_posture(
     ----------
     metacarpal : MetacarpalBone
         The metacarpal and its mode.
-    layout, model : Layout, SkeletonModel
-        Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording to pose.
 
@@ -298,7 +288,7 @@ def neutral_posture(
         hand's frame at the mean twist; None in other modes or without such a frame.
 
     """
-    chain = metacarpal.chain
+    chain, layout = metacarpal.chain, metacarpal.layout
     needed = (chain.digit.base, *chain.receivers)
     if metacarpal.mode != "estimated":
         return None
@@ -316,21 +306,19 @@ def neutral_posture(
     reference = Reference.of(vector_mm, start[:, 2], normal)
     both = (chain.digit.base, proximal)
     twists_rad = [
-        _posture(chain, layout, model, poses, reference).twist_rad[all_valid(poses, both)]
+        _posture(metacarpal, poses, reference).twist_rad[all_valid(poses, both)]
         for poses in recording(*needed)
     ]
     mean_twist_rad = float(np.angle(np.mean(np.exp(1j * np.concatenate(twists_rad)))))
     return reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad))
 
 
-def _posture(
-    chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
-) -> Posture:
+def _posture(metacarpal: MetacarpalBone, poses: Poses, reference: Reference) -> Posture:
     """Compute the change of the metacarpal's posture since the reference frame, in some frames."""
+    chain, twist_factor = metacarpal.chain, metacarpal.model.metacarpals.twist_factor
     hand = segment_quaternions(poses, chain.digit.base)
-    normal = _dorsal_seen_from(hand, chain.digit.segments[1], layout, poses)
-    vector_mm = metacarpal_vectors(chain, poses)
-    return estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
+    normal = _dorsal_seen_from(hand, chain.digit.segments[1], metacarpal.layout, poses)
+    return estimate_posture(metacarpal_vectors(chain, poses), normal, reference, twist_factor)
 
 
 def _dorsal_seen_from(hand: Array, segment: str, layout: Layout, poses: Poses) -> Array:
@@ -422,18 +410,14 @@ def build_hand(
         mode = metacarpal_mode(chain, layout, model)
         measured = digit_bones(chain, mode, joints, layout, calibration)
         if mode != "none":
-            metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
+            metacarpals.append(MetacarpalBone(chain, mode, measured[0], layout, model))
         # vectors remain those of the replay
         bones += [{"digit": digit.name, **bone.row(), **lengths.get(bone.segment, {})} for bone in measured]
     return BuiltHand(list(joints.values()), bones, metacarpals)
 
 
 def pose_metacarpals(
-    hand: BuiltHand,
-    layout: Layout,
-    model: SkeletonModel,
-    recording: PosesReader,
-    fitted: Callable[[str, Index], Array | None],
+    hand: BuiltHand, recording: PosesReader, fitted: Callable[[str, Index], Array | None]
 ) -> Iterator[dict[str, Any]]:
     """Pose every metacarpal of a hand in a recording, digit by digit and block by block.
 
@@ -441,8 +425,6 @@ def pose_metacarpals(
     ----------
     hand : BuiltHand
         The assembled hand.
-    layout, model : Layout, SkeletonModel
-        Layout of the hand, and skeleton model.
     recording : PosesReader
         The recording.
     fitted : callable
@@ -455,8 +437,8 @@ def pose_metacarpals(
 
     """
     for metacarpal in hand.metacarpals:
-        neutral = neutral_posture(metacarpal, layout, model, recording)
+        neutral = neutral_posture(metacarpal, recording)
         for poses in recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers):
             posed = fitted(metacarpal.bone.segment, poses.frame) if metacarpal.mode == "fitted" else None
-            columns = metacarpal_columns(metacarpal, layout, model, poses, neutral, posed)
+            columns = metacarpal_columns(metacarpal, poses, neutral, posed)
             yield {"digit": metacarpal.chain.digit.name, **columns}

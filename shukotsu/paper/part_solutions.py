@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.errors import TableError, join_reasons
-from shukotsu.paper.closed import JointSolution, is_solvable, solve_closed
+from shukotsu.paper.joint_solution import JointSolution, is_solvable, solve_closed, solve_stacked
 from shukotsu.paper.moments import BLOCK_FRAMES, JointMoments, relative_poses
-from shukotsu.paper.stacked import solve_stacked
 from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.model import JointSolving
+from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import Poses, frame_count, pose_blocks, read_poses, usable_poses
 from shukotsu.tables.typed_table import vector_columns, vector_of
@@ -155,29 +155,18 @@ def _reason(joint: Joint, seen: Mapping[str, bool], n_frames: int) -> str:
     return "the joint did not move, so its centre cannot be found; record it moving"
 
 
-@dataclass(frozen=True)
-class PartRequest:
-    """Request for one part of the table: a hand's calibration recordings and a solver's settings."""
-
-    part: Part
-    poses: tuple[Path, ...]
-    layout: Layout
-    settings: JointSolving
-
-
-def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[JointSolutionsRow] | Exception]:
-    """Solve all requested parts; every recording is read and every solver run once for each hand.
+def solve_parts(plan: SubjectPlan) -> dict[Part, list[JointSolutionsRow] | Exception]:
+    """Solve all parts of a subject; every recording is read and every solver run once for each hand.
 
     Parameters
     ----------
-    requests : sequence of PartRequest
-        Parts to solve.
+    plan : SubjectPlan
+        Plan of the subject.
 
     Returns
     -------
     dict
-        Part -> its rows of joint_solutions, or the exception with which it failed, in the order of the
-        requests.
+        Part -> its rows of joint_solutions, or the exception with which it failed.
 
     Raises
     ------
@@ -185,31 +174,35 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[JointSolutio
         If a file is not a poses table.
 
     """
-    groups: dict[tuple[str, tuple[Path, ...]], list[PartRequest]] = {}
-    for request in requests:
-        groups.setdefault((request.part.hand, request.poses), []).append(request)
+    groups: dict[tuple[str, tuple[Path, ...]], list[Part]] = {}
+    for part in plan.parts():
+        calibration = plan.calibrating(part.hand, part.model, part.made_without)
+        groups.setdefault((part.hand, tuple(map(plan.poses, calibration))), []).append(part)
     outcomes: dict[Part, list[JointSolutionsRow] | Exception] = {}
-    for group in groups.values():
+    for (hand, poses), parts in groups.items():
+        settings = {part: plan.models[part.model].solving for part in parts}
         try:
-            rows = _rows_by_settings(group)
+            rows = _rows_by_settings(plan.layouts[hand], poses, settings.values())
         except TableError:
             raise
         except Exception as error:  # even a bug must not stop the study's other hands
-            outcomes |= dict.fromkeys((request.part for request in group), error)
+            outcomes |= dict.fromkeys(parts, error)
         else:
-            outcomes |= {request.part: rows[request.settings] for request in group}
-    return {request.part: outcomes[request.part] for request in requests}
+            outcomes |= {part: rows[setting] for part, setting in settings.items()}
+    return outcomes
 
 
-def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[JointSolutionsRow]]:
-    """Return the rows of joint_solutions of one hand for every solver setting in the group."""
-    layout = group[0].layout
-    usable, reasons = usable_poses(group[0].poses)
+def _rows_by_settings(
+    layout: Layout, poses: Sequence[Path], settings: Iterable[JointSolving]
+) -> dict[JointSolving, list[JointSolutionsRow]]:
+    """Return the rows of joint_solutions of one hand's recordings for every solver setting."""
+    usable, reasons = usable_poses(poses)
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
-    settings = dict.fromkeys(request.settings for request in group)
     recordings = stream_recordings(usable, layout)
-    rows = {setting: solution_rows(layout, solve_recordings(recordings, setting)) for setting in settings}
+    rows = {
+        each: solution_rows(layout, solve_recordings(recordings, each)) for each in dict.fromkeys(settings)
+    }
     if not usable:
         why = f"no calibration recording: {join_reasons(reasons) or 'the study names none'}"
         rows = {setting: [{**row, "message": why} for row in failed] for setting, failed in rows.items()}

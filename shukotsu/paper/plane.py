@@ -11,7 +11,7 @@ import numpy as np
 from shukotsu.arrays import Float
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array, nearest_rotation, unit
-from shukotsu.paper.closed import JointSolution
+from shukotsu.paper.joint_solution import JointSolution
 from shukotsu.paper.part_solutions import solution_of
 from shukotsu.paper.unseen_error import unseen_covariance
 from shukotsu.study.layout import Joint, Layout, Plane
@@ -205,10 +205,8 @@ def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[JointCe
 
     """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
-    rows_of_hand = [
-        row for row in plan.rows["corrections"] if row["hand"] == part.hand and model.planes.corrections
-    ]
-    corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
+    sheet = plan.rows["corrections"] if model.planes.corrections else []
+    corrections_mm = {r["joint"]: vector_of(r.values, "d", "_mm") for r in sheet if r["hand"] == part.hand}
     rows = []
     for solution in rows_of(read_part(solutions, JOINT_SOLUTIONS, part)):
         joint = layout.joints.get(solution["joint"])
@@ -266,29 +264,24 @@ def place_joint(
     row |= cast(Any, {name: getattr(solved, name) for name in numbers})
     row |= vector_columns("axis_parent_", solved.null_parent)
     row |= vector_columns("axis_child_", solved.null_child)
-    placed = _projection(joint, solved, cut=model.planes.cut)
+    placed: Projection | None = Projection(solved.p_mm, solved.q_mm, 0.0, None, solved.covariance_mm2)
+    if model.planes.cut:
+        placed = leave_uncut(solved) if joint.plane.frame == "none" else project(solved, joint.plane)
     if placed is None:
         return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solved, placed, shift_mm, model)
     doubts: dict[str, Values] = {}
     if model.planes.cut:
-        row |= _whole_error(joint, layout, placed, solved)
+        whole_mm2 = placed.covariance_mm2 + unseen_covariance(joint, layout, placed, solved)
+        row["scatter_sd_mm"], row["sd_mm"] = row["sd_mm"], centre_sd_mm(whole_mm2)
+        row["covariance_mm2"] = whole_mm2.ravel().tolist()
         doubts |= _doubts(joint, row, model)
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
         doubts[BY_HAND] = {"correction_mm": row["correction_mm"]}
     row |= note_doubts(doubts)
     return row
-
-
-def _projection(joint: Joint, solution: JointSolution, *, cut: bool) -> Projection | None:
-    """Return the centre where the plane cuts the axis, or the solved centre if the model uses no planes."""
-    if not cut:
-        return Projection(solution.p_mm, solution.q_mm, 0.0, None, solution.covariance_mm2)
-    if joint.plane.frame == "none":
-        return leave_uncut(solution)
-    return project(solution, joint.plane)
 
 
 def _centre(
@@ -311,18 +304,6 @@ def _centre(
     }
     row |= vector_columns("parent_", p_mm, "_mm") | vector_columns("child_", q_mm, "_mm")
     return row
-
-
-def _whole_error(
-    joint: Joint, layout: Layout, placed: Projection, solution: JointSolution
-) -> JointCentresRow:
-    """Build the columns of the total error (scatter and unseen errors) and of the scatter alone."""
-    covariance_mm2 = placed.covariance_mm2 + unseen_covariance(joint, layout, placed, solution)
-    return {
-        "scatter_sd_mm": centre_sd_mm(placed.covariance_mm2),
-        "sd_mm": centre_sd_mm(covariance_mm2),
-        "covariance_mm2": covariance_mm2.ravel().tolist(),
-    }
 
 
 def _doubts(joint: Joint, row: JointCentresRow, model: SkeletonModel) -> dict[str, Values]:

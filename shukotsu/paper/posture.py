@@ -114,9 +114,7 @@ def swing(
 
 
 def twist(
-    vector: Float[Array, "T 3"],
-    normal_metacarpal: Float[Array, "T 3"],
-    normal_proximal: Float[Array, "T 3"],
+    vector: Float[Array, "T 3"], normal_metacarpal: Float[Array, "T 3"], normal_proximal: Float[Array, "T 3"]
 ) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
     """Compute the angle about the metacarpal from its normal to that of the proximal phalanx (Fig. 6-8).
 

@@ -196,7 +196,7 @@ def write_skeleton(plan: SubjectPlan, part: Part, opened: Opened, tables: Mappin
         fitted_turns = partial(_fitted_turns, plan, part, opened, recording)
         for path in usable_poses([plan.poses(recording)])[0]:
             reader = poses_reader([path], layout.measured)
-            for columns in pose_metacarpals(hand, layout, model, reader, fitted_turns):
+            for columns in pose_metacarpals(hand, reader, fitted_turns):
                 tables["metacarpals"].columns(part, {**recording.key, **columns})
 
 

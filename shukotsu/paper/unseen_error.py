@@ -14,7 +14,7 @@ from shukotsu.hand.rotations import Array, cross_matrix, nearest_rotation
 from shukotsu.study.layout import Joint, Layout
 
 if TYPE_CHECKING:
-    from shukotsu.paper.closed import JointSolution
+    from shukotsu.paper.joint_solution import JointSolution
     from shukotsu.paper.plane import Projection
 
 MARGIN = 1.7

@@ -60,12 +60,8 @@ def estimate_wrist(mcp_mm: list[Float[Array, "_ 3"]], nominal_mm: Float[Array, "
         Point and covariance in the hand receiver's frame.
 
     """
-    digits = tuple(
-        positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
-        for positions in mcp_mm
-        if len(positions)
-    )
-    return _estimate(digits, tuple(map(float, nominal_mm)))
+    thinned = [positions[:: max(1, len(positions) // MAX_FRAMES)] for positions in mcp_mm if len(positions)]
+    return _estimate(tuple(each.T.tobytes() for each in thinned), tuple(map(float, nominal_mm)))
 
 
 @lru_cache(maxsize=4)

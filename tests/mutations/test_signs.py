@@ -10,13 +10,13 @@ import pytest
 from hypothesis import Phase, settings
 from studies.running import REPOSITORY, copy_of_the_program
 
-STACKED, MOMENTS, CLOSED = (f"shukotsu/paper/{name}.py" for name in ("stacked", "moments", "closed"))
+MOMENTS, SOLUTION = (f"shukotsu/paper/{name}.py" for name in ("moments", "joint_solution"))
 POSTURE = "shukotsu/paper/posture.py"
 
 SIGNS = {
-    "Eq. 3, stacked, parent's half": (STACKED, "-matrix(parent_quaternion)", "matrix(parent_quaternion)"),
+    "Eq. 3, stacked, parent's half": (SOLUTION, "-matrix(parent_quaternion)", "matrix(parent_quaternion)"),
     "Eq. 3, stacked, right side": (
-        STACKED,
+        SOLUTION,
         "(parent_position_mm - child_position_mm)",
         "(child_position_mm - parent_position_mm)",
     ),
@@ -26,12 +26,16 @@ SIGNS = {
         "position_mm[:, parent] - position_mm[:, child]",
     ),
     "Eq. 3, moments, offset from the first pose": (
-        CLOSED,
+        SOLUTION,
         "moments.reference_mm[joint] + mean[9:]",
         "moments.reference_mm[joint] - mean[9:]",
     ),
-    "Eq. 3, closed, normal equations": (CLOSED, "right = -(V.T @ normal.C_Dd)", "right = V.T @ normal.C_Dd"),
-    "Eq. 3, closed, gap": (CLOSED, "offset = p - self.M @ q - self.u", "offset = p + self.M @ q - self.u"),
+    "Eq. 3, closed, normal equations": (
+        SOLUTION,
+        "right = -(V.T @ normal.C_Dd)",
+        "right = V.T @ normal.C_Dd",
+    ),
+    "Eq. 3, closed, gap": (SOLUTION, "offset = p - self.M @ q - self.u", "offset = p + self.M @ q - self.u"),
     "Eq. 8, order of the cross product": (POSTURE, "= cross(start, vector)", "= cross(vector, start)"),
     "Eq. 9, sine": (
         POSTURE,
@@ -66,9 +70,8 @@ SIGNS = {
 
 GUARDS = {
     "rotations.py": "hand/test_rotations.py",
-    "stacked.py": "paper/test_closed.py",
-    "closed.py": "paper/test_closed.py",
-    "moments.py": "paper/test_closed.py",
+    "joint_solution.py": "paper/test_joint_solution.py",
+    "moments.py": "paper/test_joint_solution.py",
     "plane.py": "paper/test_plane.py",
     "posture.py": "paper/test_posture.py",
 }

@@ -108,7 +108,7 @@ def test_metacarpals_are_empty_and_flagged_where_a_receiver_is_lost(build: Build
     valid[:9, poses.index("hand")] = False
     valid[20:25, poses.index("index_proximal")] = False
     with_gaps = replace(poses, valid=valid)
-    posed = pose_metacarpals(build(model), layout, model, reader_of(with_gaps), lambda *_: None)
+    posed = pose_metacarpals(build(model), reader_of(with_gaps), lambda *_: None)
     columns = {digit_columns["digit"]: digit_columns for digit_columns in posed}
     lost = {"index": [*range(9), *range(20, 25)], "ring": [*range(9)]}
     for digit, frames in lost.items():

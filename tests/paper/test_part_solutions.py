@@ -3,6 +3,7 @@
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from stage_runs import solve_joints as main
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.paper import part_solutions
-from shukotsu.paper.part_solutions import PartRequest, solve_parts
+from shukotsu.paper.part_solutions import solve_parts
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import JointSolving, read_model
 from shukotsu.tables.catalogue import JOINT_SOLUTIONS, POSES
@@ -21,9 +22,20 @@ from shukotsu.tables.typed_table import Provenance, write_failure
 LAYOUT = read_layout("liberty16")
 
 
-def request(model: str, *poses: Path, hand: str = "right", made_without: str = "") -> PartRequest:
-    settings = read_model(model).solving
-    return PartRequest(Part(hand, model, made_without), poses, LAYOUT, settings)
+Rows = dict[Part, list[dict[str, Any]] | Exception]
+
+
+def solve(poses_of: dict[Part, tuple[Path, ...]], **settings: JointSolving) -> Rows:
+    """Solve parts made from these recordings; settings : of models that do not ship."""
+    solving = {part.model: settings.get(part.model) or read_model(part.model).solving for part in poses_of}
+    plan: Any = SimpleNamespace(
+        parts=lambda: list(poses_of),
+        calibrating=lambda *key: poses_of[Part(*key)],
+        poses=lambda recording: recording,
+        layouts={"right": LAYOUT, "left": LAYOUT},
+        models={model: SimpleNamespace(solving=solving[model]) for model in solving},
+    )
+    return solve_parts(plan)
 
 
 @pytest.fixture(scope="module")
@@ -35,21 +47,21 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_equal_recordings_and_settings_are_solved_once(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Models with equal settings share a solution; another setting or hand is solved separately."""
     streamed, solved = [], []
-    stream, solve = part_solutions.stream_recordings, part_solutions.solve_recordings
+    stream, solve_recordings = part_solutions.stream_recordings, part_solutions.solve_recordings
     monkeypatch.setattr(
         part_solutions, "stream_recordings", lambda *a, **k: streamed.append(a) or stream(*a, **k)
     )
-    monkeypatch.setattr(part_solutions, "solve_recordings", lambda *a: solved.append(a) or solve(*a))
-    six = request("paper-fig4", poses, made_without="x")
-    six = replace(six, settings=replace(six.settings, singular_values=6))
-    requests = [
-        request("paper-fig4", poses),
-        request("paper-fig3", poses),
-        six,
-        request("paper-fig4", poses, hand="left"),
+    monkeypatch.setattr(
+        part_solutions, "solve_recordings", lambda *a: solved.append(a) or solve_recordings(*a)
+    )
+    parts = [
+        *(Part("right", model) for model in ("paper-fig4", "paper-fig3", "six")),
+        Part("left", "paper-fig4"),
     ]
-    rows = solve_parts(requests)
-    assert list(rows) == [part_request.part for part_request in requests]
+    rows = solve(
+        dict.fromkeys(parts, (poses,)), six=replace(read_model("paper-fig4").solving, singular_values=6)
+    )
+    assert list(rows) == parts
     assert len(streamed) == 2
     assert len(solved) == 3
     fig4, fig3, of_six, left = map(_x_of_index_pip, rows.values())
@@ -65,24 +77,19 @@ class Constrained(JointSolving):
 
 def test_parts_with_other_settings_are_solved_apart(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two models that differ in one new key alone are solved separately, each with its value."""
-    solve = part_solutions.solve_recordings
+    solve_recordings = part_solutions.solve_recordings
 
     def obeying(recordings: Any, settings: Constrained) -> Any:
-        solved = solve(recordings, settings)
+        solved = solve_recordings(recordings, settings)
         solution = solved["index_pip"]
         assert not isinstance(solution, str)
         return {**solved, "index_pip": replace(solution, p_mm=solution.p_mm + settings.made_up_mm)}
 
     monkeypatch.setattr(part_solutions, "solve_recordings", obeying)
     settings = vars(read_model("paper-fig4").solving)
-    requests = [
-        replace(
-            request("paper-fig4", poses, made_without=str(mm)),
-            settings=Constrained(**settings, made_up_mm=mm),
-        )
-        for mm in (0.0, 1.0)
-    ]
-    without, constrained = (_x_of_index_pip(rows) for rows in solve_parts(requests).values())
+    models = {name: Constrained(**settings, made_up_mm=mm) for name, mm in (("none", 0.0), ("some", 1.0))}
+    rows = solve({Part("right", name): (poses,) for name in models}, **models)
+    without, constrained = map(_x_of_index_pip, rows.values())
     assert constrained == pytest.approx(without + 1.0)
 
 
@@ -103,7 +110,7 @@ def test_without_a_usable_recording_every_joint_fails_with_the_reason(poses: Pat
     """A recording whose import failed is left out; if it is the only one, every joint has failed."""
     failed = tmp_path / "failed.parquet"
     write_failure(failed, POSES, "the file is empty", Provenance())
-    rows = solve_parts([request("paper-fig4", poses, failed), request("paper-fig4", failed, hand="left")])
+    rows = solve({Part("right", "paper-fig4"): (poses, failed), Part("left", "paper-fig4"): (failed,)})
     usable, unusable = rows.values()
     assert isinstance(usable, list)
     assert isinstance(unusable, list)
@@ -117,7 +124,7 @@ def test_a_damaged_poses_file_is_refused(tmp_path: Path) -> None:
     damaged = tmp_path / "damaged.parquet"
     damaged.write_bytes(b"PAR1")
     with pytest.raises(TableError, match="not a readable Parquet file"):
-        solve_parts([request("paper-fig4", damaged)])
+        solve({Part("right", "paper-fig4"): (damaged,)})
 
 
 def test_a_hand_without_a_plan_is_one_part(poses: Path, tmp_path: Path) -> None:

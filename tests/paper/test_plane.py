@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from shukotsu.errors import InputError
 from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import conjugate, multiply, rotate
-from shukotsu.paper.closed import JointSolution, solve_closed
+from shukotsu.paper.joint_solution import JointSolution, solve_closed
 from shukotsu.paper.part_solutions import solution_row
 from shukotsu.paper.plane import Projection, centre_sd_mm, place_joint, project
 from shukotsu.paper.unseen_error import NEIGHBOUR_RANGE_DEG, unseen_covariance

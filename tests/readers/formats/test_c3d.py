@@ -10,7 +10,7 @@ import pytest
 from recording_files import ARM, columns_of, of, read, refuse, write_c3d
 
 from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, unit
-from shukotsu.paper.closed import solve_closed
+from shukotsu.paper.joint_solution import solve_closed
 from shukotsu.paper.moments import JointMoments, relative_poses
 from shukotsu.readers.formats.c3d import cluster_poses
 from shukotsu.readers.inspection.c3d_files import describe_c3d

@@ -1,7 +1,11 @@
-"""Centre, axis and uncertainty of one joint from its moments (Eq. 1-7 in closed form; docs/method.md).
+"""Centre, axis and uncertainty of one joint (Eq. 1-7), as printed and in closed form (docs/method.md).
 
-All vectors and matrices here are in the frame of the joint's first pose, in which the parent's and the
-child's axes coincide. `solve_closed` converts the results to the receiver frames of parent and child.
+`solve_stacked` is the paper's solver: the rotations of all frames are stacked and inverted by SVD.
+`solve_closed` computes the same numbers from the joint's moments, that is in one pass over the data. The
+former is kept because it is the paper's, and because the closed form is tested against it.
+
+In the closed form all vectors and matrices are in the frame of the joint's first pose, in which the parent's
+and the child's axes coincide. `solve_closed` converts the results to the receiver frames of parent and child.
 """
 
 from __future__ import annotations
@@ -10,10 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Float
+from shukotsu.hand.rotations import matrix
 from shukotsu.hand.series import angle_range, effective_samples, flattening
 from shukotsu.paper.moments import JointMoments
-from shukotsu.paper.stacked import EXACT_HINGE
+
+EXACT_HINGE = 5e-13
+"""Smallest squared singular value, over the number of frames, below which it is only rounding error.
+
+The joint is then a hinge without noise, whose sixth unknown is undetermined.
+"""
 
 _SINGULAR = 1e-12
 """Threshold on 1 - s^2: below it the joint did not move. It corresponds to 1e-6 rad rms, far below any
@@ -22,8 +32,8 @@ tracker's noise.
 
 
 @dataclass(frozen=True)
-class JointSolution:
-    """Solution of Eq. 1-7 for one joint, with the precision of its centre and axis.
+class SolvedJoint:
+    """Solution of Eq. 5-7 for one joint.
 
     The joint centre is p in the parent's receiver frame and q in the child's. null_parent and null_child are
     the halves of the null vector: a slide of p and q along them changes the gap least (the SARA axis).
@@ -34,10 +44,26 @@ class JointSolution:
         Joint centre in the parent's and the child's receiver frame, mm.
     null_parent, null_child : array, shape (3,)
         Unit vector of the axis in the parent's and the child's receiver frame.
-    mean_rotation : array, shape (3, 3)
-        Mean of R_a^T R_b, child to parent receiver frame; not orthogonal unless the joint is still.
     singular_values : array, shape (6,)
         Singular values of the stack (Eq. 4) over the root of the number of frames, descending.
+
+    """
+
+    p_mm: Array
+    q_mm: Array
+    null_parent: Array
+    null_child: Array
+    singular_values: Array
+
+
+@dataclass(frozen=True)
+class JointSolution(SolvedJoint):
+    """Solution of Eq. 1-7 for one joint, with the precision of its centre and axis.
+
+    Attributes
+    ----------
+    mean_rotation : array, shape (3, 3)
+        Mean of R_a^T R_b, child to parent receiver frame; not orthogonal unless the joint is still.
     covariance_mm2 : array, shape (6, 6)
         Covariance of (p, q), mm^2; without the null direction if only five singular values are inverted.
     gap_rms_mm, gap_rms_free_mm : float
@@ -55,12 +81,7 @@ class JointSolution:
 
     """
 
-    p_mm: Array
-    q_mm: Array
-    null_parent: Array
-    null_child: Array
     mean_rotation: Array
-    singular_values: Array
     covariance_mm2: Array
     gap_rms_mm: float
     gap_rms_free_mm: float
@@ -70,6 +91,40 @@ class JointSolution:
     axis_sd_deg: float
     n_frames: int
     n_effective: float
+
+
+def solve_stacked(
+    parent_quaternion: Float[Array, "N 4"],
+    parent_position_mm: Float[Array, "N 3"],
+    child_quaternion: Float[Array, "N 4"],
+    child_position_mm: Float[Array, "N 3"],
+    n_singular_values: int,
+) -> SolvedJoint:
+    """Solve one joint by Eq. 5-7: x = V W^-1 U^T b, without the smallest singular values.
+
+    Parameters
+    ----------
+    parent_quaternion, child_quaternion : array, shape (N, 4)
+        Unit quaternions (w, x, y, z), receiver to transmitter frame, in N >= 2 frames, all valid.
+    parent_position_mm, child_position_mm : array, shape (N, 3)
+        Positions in the transmitter frame, mm.
+    n_singular_values : int
+        6 as printed, or 5 to leave the position along a hinge's axis open.
+
+    Returns
+    -------
+    SolvedJoint
+        Centre, axis and singular values.
+
+    """
+    n = len(parent_position_mm)
+    stack = np.concatenate([matrix(child_quaternion), -matrix(parent_quaternion)], -1).reshape(3 * n, 6)
+    right = (parent_position_mm - child_position_mm).reshape(3 * n)
+    u, w, vt = np.linalg.svd(stack, full_matrices=False)
+    kept = slice(0, 5 if w[5] ** 2 < EXACT_HINGE * n else n_singular_values)
+    x = vt[kept].T @ ((u[:, kept].T @ right) / w[kept])
+    null_parent, null_child = (half / np.linalg.norm(half) for half in (vt[5, 3:], vt[5, :3]))
+    return SolvedJoint(x[3:], x[:3], null_parent, null_child, singular_values=w / np.sqrt(n))
 
 
 @dataclass(frozen=True)
@@ -159,7 +214,7 @@ def is_solvable(moments: JointMoments, joint: int) -> bool:
 
 
 def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> JointSolution:
-    """Solve one joint by Eq. 5-7 from its moments; the same centre as `stacked.solve_stacked`.
+    """Solve one joint by Eq. 5-7 from its moments; the same centre as `solve_stacked`.
 
     docs/method.md, "The closed form", derives the normal equations, their eigenvectors and the covariance.
 

@@ -10,15 +10,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.rotations import Array, from_matrix, matrix
-from shukotsu.paper.closed import JointSolution, is_solvable, solve_closed
+from shukotsu.paper.joint_solution import JointSolution, SolvedJoint, is_solvable, solve_closed, solve_stacked
 from shukotsu.paper.moments import BATCH_FRAMES, JointMoments
-from shukotsu.paper.stacked import StackedSolution, solve_stacked
 from shukotsu.tables.poses import Poses
 
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def stacked(poses: Poses, joint: int, values: int) -> StackedSolution:
+def stacked(poses: Poses, joint: int, values: int) -> SolvedJoint:
     q, t = poses.quaternion, poses.position_mm
     return solve_stacked(q[:, joint], t[:, joint], q[:, joint + 1], t[:, joint + 1], values)
 
