@@ -169,10 +169,8 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
     builder.centres_in_child[name] = x, y, z
     steps: list[Step] = [along(axis, amount) for axis, amount in zip(np.eye(3), near, strict=True)]
     steps.append(Mark(centre(name)))
-    states = [
-        builder.states.add(name, kind, 0.0, sd)
-        for kind, sd in zip(KINDS, ANGLE_SD_DEG[max(joint.joint.dof, 1) - 1], strict=True)
-    ]
+    sds_deg = ANGLE_SD_DEG[max(joint.joint.dof, 1) - 1]
+    states = [builder.states.add(name, kind, 0.0, sd) for kind, sd in zip(KINDS, sds_deg, strict=True)]
     axes = joint.axes if outward else -joint.axes  # angles describe the child's motion
     builder.axes[name] = joint.axes[:, 0]
     builder.centres[name] = centre(name)
@@ -219,7 +217,9 @@ class _DigitChain:
         self.measured = [builder.layout.segments[segment].measured for segment in digit.segments]
         self.lengths = [self._length(k) for k in range(len(digit.segments))]
         for k, (segment, length) in enumerate(zip(digit.segments, self.lengths, strict=True)):
-            builder.length[segment] = builder.place(length, self._unmodelled_mm(k), UNMODELLED, segment)
+            part = "phalanx" if k else "thumb_metacarpal" if digit.name == "thumb" else "metacarpal"
+            sd_mm = PRIOR.UNMODELLED_LENGTH_MM[part]  # from how sources define a bone's ends
+            builder.length[segment] = builder.place(length, sd_mm, UNMODELLED, segment)
 
     def steps(self) -> list[Step]:
         """Lay out base, direction, joints, bones and receivers; add first guesses of flexions."""
@@ -308,14 +308,9 @@ class _DigitChain:
         length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
         return length.plus(builder.shared(PRIOR.SOURCE_SD_MM[kind], "source", kind))
 
-    def _unmodelled_mm(self, k: int) -> float:
-        """Return the sd of a bone's length that comes from how sources define its ends, mm."""
-        part = "phalanx" if k else "thumb_metacarpal" if self.digit.name == "thumb" else "metacarpal"
-        return PRIOR.UNMODELLED_LENGTH_MM[part]
-
     def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
         """Lay out the receiver of bone k, whose skin is moved by the joints at both ends of the bone."""
-        is_last = k == len(self.digit.segments) - 1
+        worn, is_last = self.digit.segments[k], k == len(self.digit.segments) - 1
         share, height_mm = PRIOR.NAIL_SHARE if is_last else PRIOR.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
@@ -324,16 +319,10 @@ class _DigitChain:
             for joint, segment in ends
             if joint in self.flexions and segment in self.builder.seen
         ]
-        if moved.abducts is not None and self.digit.segments[k] in self.builder.seen:
+        if moved.abducts is not None and worn in self.builder.seen:
             drives.append(Drive(moved.abducts))
-        return self.builder.receiver_steps(
-            self.digit.segments[k],
-            position,
-            drives,
-            self._kind(k),
-            moved.turn_lag(),
-            faces_freely=bool(moved.lags),
-        )
+        lag, free = moved.turn_lag(), bool(moved.lags)
+        return self.builder.receiver_steps(worn, position, drives, self._kind(k), lag, faces_freely=free)
 
 
 class _Joint:
@@ -401,10 +390,8 @@ class _Joint:
         self.second_tilts = [
             builder.free(0.0, PRIOR.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
         ]
-        self.lags = (
-            builder.unknowns.add("place lag", self.name),
-            builder.unknowns.add("turn lag", self.name),
-        )
+        add = builder.unknowns.add
+        self.lags = add("place lag", self.name), add("turn lag", self.name)
 
     def steps(self, *, lagging: bool = False) -> list[Step]:
         """Lay out the operations from the parent's frame at the joint's centre to the child's frame."""
@@ -418,11 +405,9 @@ class _Joint:
         turn = by_state(self.axis, self.flexion, self._lag(self.flexion, lagging))
         flex = tilt_steps(across_of(self.axis), self.tilts, [*mark, *self.held, turn])
         if self.ratio is not None:
-            pronation = (
-                Term(PRIOR.PRO_SUPINATION, None, self.flexion),
-                Term(PRIOR.PRO_SUPINATION_SD, self.ratio, self.flexion),
-            )
-            flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
+            usual = Term(PRIOR.PRO_SUPINATION, None, self.flexion)
+            own = Term(PRIOR.PRO_SUPINATION_SD, self.ratio, self.flexion)
+            flex.append(Operation(True, self.rest[:, 0], 0.0, (usual, own)))
         if self.others is None:
             return [*steps, *flex, *self.at_rest]
         abduction, axial = self.others

@@ -13,8 +13,9 @@ import numpy as np
 
 from shukotsu.fit import compiled_equations
 from shukotsu.fit.chain import hand_model
+from shukotsu.fit.fit import problem_of
 from shukotsu.fit.kernel.compiled import folders
-from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs
+from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem
 from shukotsu.study.layout import read_layout
 
 LAYOUT = "liberty16"
@@ -42,19 +43,9 @@ def one_frame() -> tuple[Problem, Point]:
     n_unknowns, n_receivers = len(model.unknowns.names), len(names)
     turns, valid = np.tile(np.eye(3), (1, n_receivers, 1, 1)), np.zeros((1, n_receivers), bool)
     unseen = Frames(turns, np.zeros((1, n_receivers, 3)), valid)
-    mean = np.array(model.states.mean)
-    problem = Problem(
-        model.branches,
-        pairs(model.branches, model.receivers),
-        unseen,
-        np.ones((n_receivers, 2)),
-        1.0,
-        mean,
-        np.array(model.states.sd),
-        np.ones(n_unknowns),
-        Observations.of([], [], n_unknowns),
-    )
-    return problem, Point(np.zeros(n_unknowns), mean[None].copy(), np.eye(3)[None].copy(), np.zeros((1, 3)))
+    problem = problem_of(model, unseen, Observations.of([], [], n_unknowns))
+    y, root = problem.state_mean[None].copy(), np.eye(3)[None].copy()
+    return problem, Point(np.zeros(n_unknowns), y, root, np.zeros((1, 3)))
 
 
 @contextmanager

@@ -32,7 +32,6 @@ from shukotsu.fit.normal_equations import (
     Problem,
     Reduced,
     Residuals,
-    pairs,
 )
 from shukotsu.fit.posterior import Posterior, SolvedFit
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
@@ -77,10 +76,7 @@ tracker's noise."""
 
 
 def prior_precision(
-    groups: Sequence[str],
-    x: Float[Array, " G"],
-    covariance: Float[Array, "G G"],
-    before: Float[Array, " G"],
+    groups: Sequence[str], x: Float[Array, " G"], covariance: Float[Array, "G G"], before: Float[Array, " G"]
 ) -> Float[Array, " G"]:
     """Estimate the scale of each family's prior (MacKay's fixed point; docs/whole-hand.md, section 5).
 
@@ -323,7 +319,7 @@ def fit_hand(
     field = FieldDistortion.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).plus(planes(model, layout, convention, frames))
     measured = measured.plus(breadth(model, hand_breadth_mm))
-    problem = _problem(model, frames, measured, field)
+    problem = problem_of(model, frames, measured, field)
     problem, solution = _solve_scales(problem, model, everything, settings)
     seen = {model.receivers[i] for i in np.flatnonzero(frames.valid.any(0))}
     bones = {name for digit in known_digits(layout) for name in digit.segments}
@@ -373,11 +369,31 @@ def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Ma
     return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
-def _problem(model: HandModel, frames: Frames, measured: Observations, field: FieldDistortion) -> Problem:
-    """Set up the problem with all scales as published."""
+def problem_of(
+    model: HandModel, frames: Frames, measured: Observations, field: FieldDistortion | None = None
+) -> Problem:
+    """Set up the problem with all scales as published.
+
+    Parameters
+    ----------
+    model : HandModel
+        Chains of the hand.
+    frames : Frames
+        Frames to fit.
+    measured : Observations
+        Linear observations of the unknowns.
+    field : FieldDistortion, optional
+        Distortion of the magnetic field, if it is fitted.
+
+    Returns
+    -------
+    Problem
+        The problem.
+
+    """
     return Problem(
         branches=model.branches,
-        receivers=pairs(model.branches, model.receivers),
+        receivers=tuple(branch.receivers(model.receivers) for branch in model.branches),
         frames=frames,
         sd=np.array([RESIDUAL_SD] * len(model.receivers)),
         temper=min(1.0, INDEPENDENT_SAMPLES / len(frames.valid)),
@@ -431,8 +447,7 @@ def _choose_frames(
     if len(usable) < 2:
         raise InputError(
             f"{count_of(len(usable), 'frame', 'have')} half of the {count_of(worn, 'receiver')} valid; "
-            f"expected 2 or more: record the "
-            "receivers together"
+            "expected 2 or more: record the receivers together"
         )
     seen = [receivers[i] for i in np.flatnonzero(np.any(frames.valid, axis=0)).tolist()]
     index = [(receivers.index(a), receivers.index(b)) for a, b in neighbours(layout, seen)]

@@ -64,11 +64,10 @@ def joint_rows(fit: HandFit, *, from_data: bool = True) -> list[JointCentresRow]
             zero_deg = *rest_deg.tolist(), -float(np.degrees(axes.turn_rad))
             columns: Any = dict(zip(ZERO_COLUMNS, zero_deg, strict=True))
             row |= columns | {"axes_turn_sd_deg": axes.turn_sd_deg}
-        rows.append(row)
-    if not from_data:
-        for row in rows:
+        if not from_data:
             row |= {"source": "anatomy alone", "status": "ok", "message": ""}
             row |= _NO_ERRORS
+        rows.append(row)
     return rows
 
 

@@ -413,12 +413,3 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
         out[branch.states] -= np.einsum("fst,ftg->sg", back @ by_root, d_root, optimize=True)
         out[np.ix_(branch.states, part.unknowns)] -= (back @ part.by_rest[..., 6:]).sum(0)
     return out
-
-
-def pairs(branches: Sequence[Branch], names: Sequence[str]) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Return for each branch its marks that are receivers, as pairs of mark and index into `names`."""
-    numbers = {f"receiver {name}": i for i, name in enumerate(names)}
-    return tuple(
-        tuple((mark, numbers[name]) for mark, name in enumerate(branch.marks) if name in numbers)
-        for branch in branches
-    )

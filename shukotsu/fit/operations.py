@@ -107,9 +107,8 @@ class Branch:
         self.upstream = np.zeros((len(upstream), len(operations)), bool)
         for mark, before in enumerate(upstream.values()):
             self.upstream[mark, before] = True
-        self._set_terms(
-            [(index, term) for index, operation in enumerate(operations) for term in operation.terms]
-        )
+        terms = [(index, term) for index, operation in enumerate(operations) for term in operation.terms]
+        self._set_terms(terms)
 
     def _lay_out(
         self,
@@ -137,12 +136,10 @@ class Branch:
 
     def _set_terms(self, terms: Sequence[tuple[int, Term]]) -> None:
         """Distribute all terms (operation, term) to the matrices of the derivatives."""
-        self.unknowns: Index = np.array(
-            sorted({term.unknown for _, term in terms if term.unknown is not None}), int
-        )
-        self.states: Index = np.array(
-            sorted({term.state for _, term in terms if term.state is not None}), int
-        )
+        unknowns = {term.unknown for _, term in terms if term.unknown is not None}
+        states = {term.state for _, term in terms if term.state is not None}
+        self.unknowns: Index = np.array(sorted(unknowns), int)
+        self.states: Index = np.array(sorted(states), int)
         x_at = {int(index): i for i, index in enumerate(self.unknowns)}
         y_at = {int(index): i for i, index in enumerate(self.states)}
         n_operations = len(self._rotates)
@@ -161,6 +158,11 @@ class Branch:
         select = np.zeros((len(products), len(self.unknowns)))
         select[np.arange(len(products)), self._product_at[:, 1]] = self._product
         self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
+
+    def receivers(self, names: Sequence[str]) -> tuple[tuple[int, int], ...]:
+        """Return the marks that are receivers of `names`, as pairs of mark and index into `names`."""
+        numbers = {f"receiver {name}": i for i, name in enumerate(names)}
+        return tuple((mark, numbers[name]) for mark, name in enumerate(self.marks) if name in numbers)
 
     def per_state(self, x: Array) -> Array:
         """Compute the derivative of every operation's amount by the branch's own states.

@@ -66,12 +66,8 @@ class Posterior:
             Normal distribution of the unknowns, and the mean posture.
 
         """
-        return cls(
-            point.x,
-            np.asarray(np.linalg.inv(reduced.matrix), float),
-            share @ point.y,
-            states_by_unknowns(problem, reduced, share),
-        )
+        covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
+        return cls(point.x, covariance, share @ point.y, states_by_unknowns(problem, reduced, share))
 
     def moved_to(self, x: Array, covariance: Array) -> Posterior:
         """Replace mean and covariance, and update the mean joint angles to first order.

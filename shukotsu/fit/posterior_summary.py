@@ -6,7 +6,7 @@ On paper: docs/whole-hand.md, section 8.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,13 +36,15 @@ class FittedJoint:
         Name in the layout.
     parent_segment, child_segment : str
         Segments of the receivers on both sides; empty if a receiver could be worn there but is not.
-    dof : int
-        Degrees of freedom.
     parent_mm, child_mm : array, shape (3,)
         Centre in each receiver's frame; NaN without a receiver. A joint that does not move has no axis and no
         range, and its centre is stated only in the parent's frame, or in the child's if there is no parent.
     covariance_mm2 : array, shape (6, 6)
         Joint covariance of parent_mm and child_mm.
+    doubts : mapping
+        Reasons to doubt the centre that its numbers do not show, by kind.
+    dof : int
+        Degrees of freedom.
     axis_parent, axis_child : array, shape (3,)
         Unit flexion axis in each receiver's frame.
     axis_sd_deg : float
@@ -51,8 +53,6 @@ class FittedJoint:
         Range of flexion over the frames fitted.
     gap_rms_mm : float
         Root mean square distance in the recording between the centres that the two receivers carry.
-    doubts : mapping
-        Reasons to doubt the centre that its numbers do not show, by kind.
     message : str
         Why no receiver carries the centre; otherwise empty.
 
@@ -61,16 +61,16 @@ class FittedJoint:
     name: str
     parent_segment: str
     child_segment: str
-    dof: int
     parent_mm: Array
     child_mm: Array
     covariance_mm2: Array
-    axis_parent: Array
-    axis_child: Array
-    axis_sd_deg: float
-    range_deg: float
-    gap_rms_mm: float
     doubts: Doubts
+    dof: int = 0
+    axis_parent: Array = field(default_factory=lambda: np.full(3, np.nan))
+    axis_child: Array = field(default_factory=lambda: np.full(3, np.nan))
+    axis_sd_deg: float = np.nan
+    range_deg: float = np.nan
+    gap_rms_mm: float = np.nan
     message: str = ""
 
     @property
@@ -266,12 +266,9 @@ def _joint(joint: Joint, places: Mapping[str, Place], fit: SolvedFit) -> FittedJ
     points, by_x = centre_by_unknowns(joint, places, fit)
     axis_at = places[axis_frame(joint.name)]
     axis = axis_at.R @ model.axes[joint.name]
-    axes = {
-        segment: places[receiver(segment)].sees_axis(axis, axis_at.turned)[0]
-        if segment in model.receivers
-        else np.full(3, np.nan)
-        for segment in points
-    }
+    axes = dict.fromkeys(points, np.full(3, np.nan))
+    for segment in points.keys() & set(model.receivers):
+        axes[segment] = places[receiver(segment)].sees_axis(axis, axis_at.turned)[0]
     axis_by_x = places[receiver(joint.parent_receiver)].sees_axis(axis, axis_at.turned)[1]
     covariance = by_x @ posterior.covariance @ by_x.T
     for half, segment in ((slice(0, 3), joint.parent_receiver), (slice(3, 6), joint.child)):
@@ -321,22 +318,7 @@ def _anatomical_joint(
     covariance[half, half] = by_x @ fit.posterior.covariance @ by_x.T
     covariance[half, half] += unmodelled_mm2(joint, fit) * np.eye(3)
     centres[side] = fit.convention.point(segment, seen[0])
-    no_axis = np.full(3, np.nan)
-    return FittedJoint(
-        name=joint,
-        parent_segment=ends[0],
-        child_segment=ends[1],
-        dof=0,
-        parent_mm=centres[0],
-        child_mm=centres[1],
-        covariance_mm2=covariance,
-        axis_parent=no_axis,
-        axis_child=no_axis,
-        axis_sd_deg=np.nan,
-        range_deg=np.nan,
-        gap_rms_mm=np.nan,
-        doubts={BY_ANATOMY: {}},
-    )
+    return FittedJoint(joint, *ends, centres[0], centres[1], covariance, doubts={BY_ANATOMY: {}})
 
 
 def _gap_rms_mm(joint: Joint, fit: SolvedFit, points: Mapping[str, Array]) -> float:

@@ -73,10 +73,7 @@ class Convention:
         valid &= np.isfinite(quaternion).all(-1) & np.isfinite(position).all(-1)
         quaternion = np.where(valid[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
         position = np.where(valid[..., None], position, 0.0)
-        rotation = matrix(quaternion) @ self.axes
-        if self.left:
-            rotation, position = rotation * np.outer(MIRROR, MIRROR), position * MIRROR
-        return Frames(rotation, position, valid)
+        return Frames(*self.world(matrix(quaternion) @ self.axes, position), valid)
 
     def point(self, receiver: str, points_mm: Array) -> Array:
         """Convert points from the fit's frame of a receiver to its original frame.

@@ -11,7 +11,7 @@ from shukotsu.fit.chain import HandModel, hand_model
 from shukotsu.fit.compiled_equations import pose, reach, reduce
 from shukotsu.fit.gauss_newton import solve
 from shukotsu.fit.measurements import side_by_side
-from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs, states_by_unknowns
+from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, states_by_unknowns
 from shukotsu.fit.posterior import Posterior
 from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.hand.rotations import Array, exp_rotation
@@ -37,7 +37,7 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
     n_frames, n_receivers = len(point.y), len(model.receivers)
     rotation = np.empty((n_frames, n_receivers, 3, 3))
     position = np.empty((n_frames, n_receivers, 3))
-    receivers = pairs(model.branches, model.receivers)
+    receivers = tuple(branch.receivers(model.receivers) for branch in model.branches)
     for branch, of_branch in zip(model.branches, receivers, strict=True):
         reached = reach(branch, point.x, point.y, point.root, point.root_mm)
         for mark, s in of_branch:

@@ -14,7 +14,7 @@ from shukotsu.fit.gauss_newton import first_guess, solve
 from shukotsu.fit.measurements import Measurement
 from shukotsu.hand.average_hand import PRIOR
 from shukotsu.hand.rotations import exp_rotation
-from shukotsu.paper.closed import solve_closed
+from shukotsu.paper.joint_solution import solve_closed
 from shukotsu.paper.moments import JointMoments
 from shukotsu.paper.part_solutions import add_block
 from shukotsu.simulate.random_hand import BONES

@@ -24,7 +24,6 @@ from shukotsu.fit.normal_equations import (
     Point,
     Problem,
     log_rotation,
-    pairs,
 )
 from shukotsu.fit.operations import Branch, Mark, Operation, Reached, Side, Step, Term, Turn
 from shukotsu.hand.rotations import Array, exp_rotation, unit
@@ -84,7 +83,7 @@ def random_problem(seed: int, n_frames: int) -> tuple[Problem, Point]:
         exp_rotation(rng.normal(size=(n_frames, 3))),
         100 * rng.normal(size=(n_frames, 3)),
     )
-    receivers = pairs(branches, [str(i) for i in range(RECEIVERS)])
+    receivers = tuple(branch.receivers([str(i) for i in range(RECEIVERS)]) for branch in branches)
     frames = measured(rng, branches, receivers, point)
     problem = Problem(
         branches,
