@@ -7,8 +7,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from shukotsu.hand.posing import PosedRecording
-    from shukotsu.hand.read_results import bend, pose
-    from shukotsu.hand.study_frames import read
+    from shukotsu.hand.read_results import bend, pose, read
 
 __all__ = ["PosedRecording", "bend", "pose", "read"]
 
@@ -17,7 +16,7 @@ _HOME = {
     "PosedRecording": "hand.posing",
     "bend": "hand.read_results",
     "pose": "hand.read_results",
-    "read": "hand.study_frames",
+    "read": "hand.read_results",
 }
 
 

@@ -73,12 +73,8 @@ def read_skeleton(
 
     """
     joints, bones = (part_rows(tables, opened, table, part) for table in (JOINT_CENTRES, BONE_LENGTHS))
-    return Skeleton(
-        layout,
-        model,
-        {row["joint"]: row for row in joints},
-        {(row["digit"], row["bone"]): row for row in bones},
-    )
+    by_bone = {(row["digit"], row["bone"]): row for row in bones}
+    return Skeleton(layout, model, {row["joint"]: row for row in joints}, by_bone)
 
 
 @dataclass(frozen=True)
@@ -129,9 +125,8 @@ class RecordingReader:
         if not self.is_fitted:
             return []
         rows = rows_of(read_part(self.tables(MOVED_RECEIVERS.name), MOVED_RECEIVERS, self.part))
-        return [
-            row for row in rows if (row["task"], row["trial"]) == (self.recording.task, self.recording.trial)
-        ]
+        key = self.recording.task, self.recording.trial
+        return [row for row in rows if (row["task"], row["trial"]) == key]
 
     def unbelieved(self, column: str, name: str) -> str:
         """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty if it is."""

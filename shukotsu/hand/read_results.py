@@ -1,11 +1,14 @@
-"""Results for notebooks: tables as data frames, posed hands of recordings, and hands bent to joint angles."""
+"""Results for notebooks: tables as data frames, posed hands of recordings, and hands bent to joint angles.
+
+Tables of a study are found by name, over all subjects, with the study's factors as columns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +19,8 @@ from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, multiply, rotate
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.plan_file import plan_of_results
-from shukotsu.study.results import Results
+from shukotsu.study.plan_file import plan_of_results, read_plan
+from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES, Results
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import TABLES
 from shukotsu.tables.poses import Poses
@@ -25,6 +28,9 @@ from shukotsu.tables.typed_table import read_metadata, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+WHOSE = ["subject", "session"]
+WHICH = [*WHOSE, "hand", "task", "trial"]
 
 Angles = float | Sequence[float] | Array
 """Angles of a joint, deg: flexion alone, the three angles (3,), or the three angles over time (T, 3)."""
@@ -72,6 +78,95 @@ def read_file(path: Path) -> pd.DataFrame:
         "descriptions": {column.name: column.description for column in table.columns},
     }
     return frame
+
+
+class StudyTables(Mapping[str, "pd.DataFrame"]):
+    """A study's tables by name, each read on access.
+
+    A table has the rows of all subjects and a column for each of the study's factors. Rows of skeletons that
+    were made without a task are left out. Files that could not be made are in `attrs["left_out"]`, with the
+    reason.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        plans = [read_plan(path) for path in sorted(folder.glob("sub-*/plan.json"))]
+        if not plans:
+            raise InputError(f"{folder}: has no results of a study; expected a folder such as results/demo")
+        self.folder = folder
+        self._people = [plan.who._asdict() | dict(plan.factors) for plan in plans]
+        self._recordings = [
+            recording.key | dict(plan.factors) | dict(recording.factors)
+            for plan in plans
+            for recording in plan.recordings
+        ]
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in TABLES if self._files(name))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        return name in list(self)
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        import pandas as pd
+
+        files = self._files(name) if name in TABLES else []
+        if not files:
+            raise InputError(f"{self.folder}: has no table {name!r}; {guess(name, list(self))}")
+        frames, left_out = [], {}
+        for path in files:
+            try:
+                frames.append(read_file(path))
+            except TableError:
+                raise
+            except InputError as error:
+                left_out[str(path)] = error.message
+        if not frames:
+            raise InputError(next(iter(left_out.values())))
+        frame = pd.concat([each for each in frames if len(each)] or frames[:1], ignore_index=True)
+        if "made_without" in frame:
+            frame = frame[frame["made_without"] == ""].reset_index(drop=True)
+        attributes = frames[0].attrs | {"left_out": left_out}
+        on, rows = (WHICH, self._recordings) if set(WHICH) <= set(frame) else (WHOSE, self._people)
+        if set(on) <= set(frame):
+            levels = pd.DataFrame(rows).drop_duplicates(on)
+            new = [column for column in levels if column in on or column not in frame]
+            frame = frame.merge(levels[new], how="left", on=on)
+        frame.attrs = attributes
+        return frame
+
+    def _files(self, name: str) -> list[Path]:
+        """Return the files of a table: the study-wide one if it exists, otherwise those of all subjects."""
+        if (whole := self.folder / f"{name}.parquet").is_file():
+            return [whole]
+        if name in FIT_TABLES:
+            return sorted(self.folder.glob(f"sub-*/fits/*/*/{name}.parquet"))
+        return sorted(self.folder.glob(f"sub-*/{name}.parquet")) if name in SUBJECT_TABLES else []
+
+
+def read(path: str | Path) -> Any:
+    """Read a study's results: one table, or all tables of a study by name.
+
+    Parameters
+    ----------
+    path : str or Path
+        Any table of a study, or the study's folder, such as results/demo; it may have been moved.
+
+    Returns
+    -------
+    pandas.DataFrame or StudyTables
+        For a file, the table, with gaps as pandas' missing values; `attrs` has `table` (its name), `key` (the
+        columns that identify a row), `units` and `descriptions` by column. For a folder, such tables by name.
+
+    Raises
+    ------
+    InputError
+        If the file or study does not exist, or the file is not a table of this program.
+
+    """
+    return StudyTables(Path(path)) if Path(path).is_dir() else read_file(Path(path))
 
 
 def pose(
