@@ -15,6 +15,7 @@ from shukotsu.scores.agreement import ACROSS, Estimate, compare_pairs
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, simulate
 from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import RecordingName
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import LengthPullsRow
@@ -48,7 +49,9 @@ def one_person(seed: int) -> list[dict[str, Any]]:
     pulls: list[tuple[str, str, str, LengthPullsRow]] = []
     for hand in ("right", "left"):
         for session, task in RECORDED:
-            poses = simulate("01", hand, task, seed, Realism(), N_FRAMES, session=session).poses()
+            poses = simulate(
+                RecordingName("01", hand, task, session=session), seed, Realism(), N_FRAMES
+            ).poses()
             fit = fit_hand([poses], read_layout(LAYOUT), hand)
             pulls += [(row["bone"], hand, f"{session} {task}", row) for row in pull_rows(fit)]
     rows = []

@@ -28,6 +28,7 @@ from shukotsu.fit.loose_receivers import displaced_in
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, simulate
 from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import RecordingName
 
 WRITTEN_TO = "benchmarks.md", "tables"
 SEED, CORES, SIMULATED = 42, 2, 2
@@ -151,7 +152,8 @@ def hand_table(rounds: int) -> PrintedTable:
     """Return the processor time of fitting, posing and judging a hand."""
     frames = 6000, 4000  # frames of the calibration, and of the task that is posed
     calibration, task = (
-        simulate("01", "right", name, 1, Realism(), n).poses() for name, n in zip(ROLES, frames, strict=True)
+        simulate(RecordingName("01", "right", name), 1, Realism(), n).poses()
+        for name, n in zip(ROLES, frames, strict=True)
     )
     layout = read_layout(LAYOUT)
     tips = fingertips(fit_hand([calibration], layout, "right"))

@@ -21,7 +21,7 @@ from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
 from shukotsu.simulate.task_motion import TaskMotion
 from shukotsu.study.findings import NOTE, Finding
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, RecordingName
 
 FRAMES = {"rom": 1800, "opposition": 1200}
 FINGERS = ("index", "middle", "ring", "little")
@@ -61,7 +61,9 @@ def own_hand(
     task : rom or opposition. at_nail : whether the thumb metacarpal's receiver faces the nail's side.
     simulated : further arguments of `simulate`.
     """
-    simulation = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
+    simulation = simulate(
+        RecordingName("01", hand, task), seed, Realism(artefact=artefact), FRAMES[task], **simulated
+    )
     return Planted((facing_the_nail(simulation) if at_nail else simulation).poses(), hand)
 
 

@@ -14,10 +14,11 @@ import pandas as pd
 from benchmarks import pianist
 from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent, run_study
 from benchmarks.pianist import Struck
-from shukotsu.hand.study_frames import read
+from shukotsu.hand.read_results import read
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
+from shukotsu.tables.poses import RecordingName
 
 WRITTEN_TO = "benchmarks.md", "keystrokes"
 PEOPLE = 6, 9900
@@ -82,7 +83,7 @@ def _side(number: int) -> str:
 def _record_person(folder: Path, seed: int, number: int) -> Strokes:
     """Record one person's calibration and the three tempi; return the true keystrokes."""
     side, person = _side(number), seed + number
-    calibration = simulate("01", side, "rom", person, Realism(), round(240 * CALIBRATION_S))
+    calibration = simulate(RecordingName("01", side, "rom"), person, Realism(), round(240 * CALIBRATION_S))
     write_recording(folder / f"{number:02}_rom.parquet", calibration)
     strokes = {}
     for task, interval_s in TEMPI.items():

@@ -13,7 +13,7 @@ from shukotsu.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, RandomHand,
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import distal_ends_mm, simulate
 from shukotsu.simulate.task_motion import TaskMotion, posture, rest_posture
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, RecordingName
 
 KEY_MM, DIP_MM, RATE_HZ = 23.5, 14.0, 240.0
 GOES_ALONG = 0.2
@@ -55,7 +55,7 @@ def play(seed: int, side: str, interval_s: float, duration_s: float) -> Played:
     rng = np.random.default_rng([seed, round(1e3 * interval_s)])
     piece = _Piece(hand_of("01", side, seed, Realism()), rng, interval_s, duration_s)
     n_frames = round(duration_s * RATE_HZ)
-    motion = simulate("01", side, "opposition", seed, Realism(), n_frames, change=piece.played)
+    motion = simulate(RecordingName("01", side, "opposition"), seed, Realism(), n_frames, change=piece.played)
     return Played(motion.poses(), piece.strokes(motion.time_s[0]))
 
 

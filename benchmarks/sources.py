@@ -34,6 +34,7 @@ from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.simulation import LAYOUT, simulate
 from shukotsu.simulate.task_motion import TaskMotion
 from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import RecordingName
 
 WRITTEN_TO = "accuracy.md", "sources"
 PEOPLE = 10, 7100
@@ -274,7 +275,9 @@ def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
             stack.enter_context(mock.patch(f"{SIMULATION}.on_skin", partial(ride_on_mesh, seed)))
         if skin not in (SATURATING, STILL):
             stack.enter_context(mock.patch(f"{SIMULATION}.saturating", partial(_follow, skin)))
-        return simulated_hand(simulate(PERSON, hand, "rom", seed, realism, round(240 * DURATION_S)))
+        return simulated_hand(
+            simulate(RecordingName(PERSON, hand, "rom"), seed, realism, round(240 * DURATION_S))
+        )
 
 
 def fit_without(source: str, person: Drawn) -> HandFit:

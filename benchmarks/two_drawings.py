@@ -22,7 +22,7 @@ from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
 from shukotsu.study.layout import read_layout
 from shukotsu.study.stated_error import halves_mm2, is_within_95
 from shukotsu.study.verdict import BELIEVE, judged_joint
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, RecordingName
 
 WRITTEN_TO = "accuracy.md", "two drawings"
 PEOPLE = 24, 9500
@@ -142,7 +142,9 @@ def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[LengthErr
 
 
 def _own(seed: int, hand: str) -> Drawn:
-    return simulated_hand(simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S)))
+    return simulated_hand(
+        simulate(RecordingName("01", hand, "rom"), seed, Realism(), round(240 * DURATION_S))
+    )
 
 
 def simulated_hand(simulated: Simulated) -> Drawn:
@@ -150,7 +152,7 @@ def simulated_hand(simulated: Simulated) -> Drawn:
     truth = simulated.truth
     return Drawn(
         simulated.poses(),
-        simulated.hand,
+        simulated.name.hand,
         {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in truth.joints.items()},
         {name: truth.bone_position_mm[:, JOINTS.index(name) + 1] for name in truth.joints},
         {name: np.degrees(truth.angles_rad[:, JOINTS.index(name), FLEXION]) for name in truth.joints},

@@ -69,25 +69,17 @@ def _scale(text: str) -> float:
 def write_simulation(arguments: argparse.Namespace) -> None:
     """Simulate one recording and write it with its truth."""
     from shukotsu.simulate.realism import Realism
-    from shukotsu.simulate.recording import check_ending, write_recording
+    from shukotsu.simulate.recording import check_ending, write_recording, write_truth
     from shukotsu.simulate.simulation import simulate
-    from shukotsu.simulate.written_truth import write_truth
+    from shukotsu.tables.poses import RecordingName
     from shukotsu.tables.typed_table import Provenance  # not at start-up: --help needs no NumPy
 
     check_ending(arguments.out)
     options = {name: getattr(arguments, name) for name in REALISM_OPTIONS}
     options = {name: value for name, value in options.items() if value is not None}
     realism = replace(Realism.exact() if arguments.realism == "exact" else Realism(), **options)
-    simulated = simulate(
-        arguments.subject,
-        arguments.hand,
-        arguments.task,
-        arguments.seed,
-        realism,
-        arguments.frames,
-        forearm=arguments.forearm,
-        session=arguments.session,
-    )
+    name = RecordingName(arguments.subject, arguments.hand, arguments.task, session=arguments.session)
+    simulated = simulate(name, arguments.seed, realism, arguments.frames, forearm=arguments.forearm)
     write_recording(arguments.out, simulated)
     folder = arguments.out.with_name(f"{arguments.out.stem}_truth")
     names = ("subject", "hand", "task", "seed", "realism", "forearm")

@@ -20,8 +20,8 @@ from shukotsu.export.registry import ExportSettings, prepare
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.simulate.random_hand import BONES, DIGITS
+from shukotsu.simulate.recording import write_truth
 from shukotsu.simulate.simulation import Simulated
-from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.plan_file import plan_of_results
 from shukotsu.study.study import Recording
@@ -50,7 +50,7 @@ class SimulatedHand:
     @property
     def recording(self) -> Recording:
         """The hand's only recording."""
-        return self.plan.evaluated(self.simulated.hand)[0]
+        return self.plan.evaluated(self.simulated.name.hand)[0]
 
     def motion(self, model: str) -> PosedRecording:
         """Return the recording's motion under a model."""
@@ -62,22 +62,24 @@ class SimulatedHand:
 
     def poses(self) -> Poses:
         """Return the recording's poses."""
-        return read_poses(self.plan.poses(self.recording), self.plan.layouts[self.simulated.hand].measured)
+        return read_poses(
+            self.plan.poses(self.recording), self.plan.layouts[self.simulated.name.hand].measured
+        )
 
     def path(self, model: str, table: Table) -> Path:
         """Return a table's file."""
         if table in (BONE_POSES, POSED_TIPS):
-            return self.plan.table(table.name, self.simulated.hand, model)
+            return self.plan.table(table.name, self.simulated.name.hand, model)
         return self.plan.table(table.name)
 
     def rows(self, model: str, table: Table) -> Rows:
         """Return the hand's rows of a table."""
-        part = self.plan.part(self.simulated.hand, model)
+        part = self.plan.part(self.simulated.name.hand, model)
         return list(rows_of(read_part(self.path(model, table), table, part)))
 
     def write(self, model: str, table: Table, rows: Rows | str) -> None:
         """Replace the hand's part of a table by other rows or a failure's message."""
-        path, replaced = self.path(model, table), self.plan.part(self.simulated.hand, model)
+        path, replaced = self.path(model, table), self.plan.part(self.simulated.name.hand, model)
         others = {part: rows_of(read_part(path, table, part)) for part in part_metadata(path, table)}
         with parts_writer(path, table, Provenance()) as writer:
             for part, unchanged in others.items():
@@ -103,8 +105,8 @@ def simulated_hands(
     drawn = [recorded(side, "opposition", seed=7, n_frames=n_frames)[0] for side in sides]
     hands, plan = [SimulatedHand(plan_path, simulated) for simulated in drawn], plan_of_results(plan_path)
     for hand, simulated in zip(hands, drawn, strict=True):
-        write_poses(plan.poses(hand.recording), simulated, simulated.hand, "opposition", subject)
-        write_truth(folder / simulated.hand, simulated, Provenance())
+        write_poses(plan.poses(hand.recording), simulated, simulated.name.hand, "opposition", subject)
+        write_truth(folder / simulated.name.hand, simulated, Provenance())
         truth = simulated.truth
         bones = np.concatenate([truth.bone_position_mm, truth.bone_quaternion], -1)
         tips_mm = np.concatenate([truth.tip_mm, truth.skin_tip_mm], -1)
@@ -119,13 +121,13 @@ def simulated_hands(
                 for index, name in enumerate(names):
                     numbers = dict(zip(columns, values[:, index].T, strict=True))
                     frames = unknown | of_recording | {key: name} | numbers
-                    writer.columns(plan.part(simulated.hand, FITTED), frames)
+                    writer.columns(plan.part(simulated.name.hand, FITTED), frames)
     for table in (JOINT_CENTRES, BONE_LENGTHS, METACARPALS):
         with parts_writer(plan.table(table.name), table, Provenance()) as writer:
             for simulated in drawn:
-                columns = read_table(folder / simulated.hand / f"{table.name}.parquet", table)
+                columns = read_table(folder / simulated.name.hand / f"{table.name}.parquet", table)
                 for model in (REPLAYED, FITTED):
-                    part = plan.part(simulated.hand, model)
+                    part = plan.part(simulated.name.hand, model)
                     others = set(columns.column_names) - {*asdict(part)}
                     writer.columns(part, {name: columns[name] for name in others})
     return hands

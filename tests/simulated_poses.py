@@ -12,7 +12,7 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.catalogue import POSES
-from shukotsu.tables.poses import NUMBERS, Poses
+from shukotsu.tables.poses import NUMBERS, Poses, RecordingName
 from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 
 
@@ -28,7 +28,7 @@ def recorded(
 ) -> tuple[Simulated, Poses]:
     """Return one hand's recording with all disturbances except for the settings in `realism`."""
     disturbed = replace(Realism(), **realism)  # type: ignore[arg-type]
-    simulated = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
+    simulated = simulate(RecordingName("01", side, task), seed, disturbed, n_frames, forearm=forearm)
     return simulated, simulated.poses()
 
 

@@ -19,8 +19,8 @@ from stage_runs import of_plan, outputs
 from shukotsu.__main__ import main as capture
 from shukotsu.arrays import Array
 from shukotsu.command_line import option_of
+from shukotsu.simulate.recording import write_truth
 from shukotsu.simulate.task_motion import TASK_FRAMES
-from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.plan_file import StudyPlans, plan_of_results, plan_text

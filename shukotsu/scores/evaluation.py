@@ -480,10 +480,8 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[SkeletonScoresRow]
     for skeleton in skeletons:
         truth = truth_for(skeleton.tasks, list(truths.values()))
         if truth is not None:
-            keys: JointErrorsRow = {
-                "model": skeleton.reader.part.model,
-                "calibrated_on": skeleton.calibrated_on,
-            }
+            model = skeleton.reader.part.model
+            keys: JointErrorsRow = {"model": model, "calibrated_on": skeleton.calibrated_on}
             errors += [{**keys, **row} for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
     scores = _first_of_each(scores, catalogue.SKELETON_SCORES.key)
     return scores, _first_of_each(errors, catalogue.JOINT_ERRORS.key)

@@ -293,13 +293,9 @@ def reliability(values: Float[Array, "n k"]) -> Reliability:
     freedom = n * (k - 1)
     within = ((k - 1) * of_sessions + (n - 1) * (k - 1) * rest) / freedom
     low, high = (math.sqrt(within * freedom / chdtri(freedom, share)) for share in (LEVEL / 2, 1 - LEVEL / 2))
-    return Reliability(
-        n,
-        _agreement(n, k, of_subjects, of_sessions, rest),
-        _consistency(n, k, of_subjects, rest),
-        math.sqrt(within),
-        (low, high),
-    )
+    agreement = _agreement(n, k, of_subjects, of_sessions, rest)
+    consistency = _consistency(n, k, of_subjects, rest)
+    return Reliability(n, agreement, consistency, math.sqrt(within), (low, high))
 
 
 def mean_squares(values: Float[Array, "n k"]) -> tuple[float, float, float]:

@@ -309,9 +309,8 @@ def _average_rows(rows: Sequence[JointCentresRow]) -> JointCentresRow:
     frames = [row["n_frames"] for row in rows]
     mean: JointCentresRow = {**rows[0]}
     for side in ("parent_", "child_"):
-        mean |= vector_columns(
-            side, np.average([vector_of(row, side, "_mm") for row in rows], 0, frames), "_mm"
-        )
+        centre_mm = np.average([vector_of(row, side, "_mm") for row in rows], 0, frames)
+        mean |= vector_columns(side, centre_mm, "_mm")
         axis = np.average([vector_of(row, f"axis_{side}") for row in rows], 0, frames)
         mean |= vector_columns(f"axis_{side}", unit(axis))
     return mean

@@ -45,14 +45,8 @@ def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> 
     flexion, abduction = voluntary_rad[..., FLEXION], voluntary_rad[..., ABDUCTION]
     bent = 1.0 - np.cos(flexion)
     per_abduction, per_flexion, wobble_abduction, wobble_axial = hand.coupling.T
-    angles = np.stack(
-        [
-            flexion,
-            abduction + wobble_abduction * bent,
-            per_abduction * abduction + per_flexion * flexion + wobble_axial * bent,
-        ],
-        -1,
-    )
+    axial = per_abduction * abduction + per_flexion * flexion + wobble_axial * bent
+    angles = np.stack([flexion, abduction + wobble_abduction * bent, axial], -1)
     angles[:, FINGER_CMC, ABDUCTION] = 0.0
     if realism.paper_joints:
         angles[..., ABDUCTION:] = 0.0

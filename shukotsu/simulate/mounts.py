@@ -18,6 +18,7 @@ from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, Random
 from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.task_motion import RATE_HZ, TaskMotion
 from shukotsu.simulate.tracker_errors import turn_poses
+from shukotsu.tables.poses import RecordingName
 
 FIRST_WORN = 2
 """Index of the first bone of a digit in BONES, after forearm and hand."""
@@ -71,14 +72,14 @@ class Mounts:
 
 
 def mounts_of(
-    subject: str, seed: int, hand: RandomHand, segments: tuple[str, ...], realism: Realism, session: str
+    name: RecordingName, seed: int, hand: RandomHand, segments: tuple[str, ...], realism: Realism
 ) -> Mounts:
     """Draw the receiver placement: mid-bone or on the nail, misplaced at random and partly by habit.
 
     Parameters
     ----------
-    subject, session : str
-        Subject and session; receivers are placed anew in every session.
+    name : RecordingName
+        The recording; receivers are placed anew in every session, and stay between its recordings.
     seed : int
         Seed of the simulation.
     hand : RandomHand
@@ -95,10 +96,10 @@ def mounts_of(
 
     """
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
-    rng = generator(seed, "mounts", subject, hand.side, session=session)
-    habit_share = max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
+    rng = generator(seed, "mounts", name.subject, hand.side, session=name.session)
+    habit_share = max(0.0, float(generator(seed, "habit", name.subject).uniform(*drawn.HABIT_SHARE)))
     offset_mm, turn = _off(rng, habit_share)
-    receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
+    receiver_half = generator(seed, "receivers", name.subject).uniform(*drawn.RECEIVER_HALF_MM)
     offset_mm[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
     position = nominal + realism.mounts * offset_mm
     for b in range(FIRST_WORN, len(BONES)):

@@ -22,7 +22,7 @@ from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.task_motion import RATE_HZ, TASK_FRAMES, TaskMotion, move
 from shukotsu.simulate.tracker_errors import distort, faulty, noisy
 from shukotsu.study.layout import Joint, read_layout
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, RecordingName
 
 LAYOUT = "liberty16"
 
@@ -139,18 +139,10 @@ class Truth:
                     for receiver, half_mm in ((parent, parent_mm), (child, child_mm))
                 )
                 gap_mm = np.linalg.norm(first_mm - second_mm, axis=-1)
-            true_joints[joint.name] = TrueJoint(
-                joint.name,
-                joint.parent_receiver if worn else "",
-                joint.child,
-                joint.dof,
-                parent_mm,
-                child_mm,
-                axis_parent,
-                axis_child,
-                float(np.degrees(np.ptp(angles_rad[:, index, FLEXION]))),
-                gap_mm,
-            )
+            segments = joint.parent_receiver if worn else "", joint.child
+            seen = parent_mm, child_mm, axis_parent, axis_child
+            range_deg = float(np.degrees(np.ptp(angles_rad[:, index, FLEXION])))
+            true_joints[joint.name] = TrueJoint(joint.name, *segments, joint.dof, *seen, range_deg, gap_mm)
         tip_mm = distal_ends_mm(hand.length_mm[TIP_BONES], *bones)
         skin_tip_mm = distal_ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
         pointing = rotations.rotate(bones[1][:, mounts.bone], np.array([1.0, 0.0, 0.0]))
@@ -192,8 +184,8 @@ class Simulated:
 
     Attributes
     ----------
-    subject, hand, task, session : str
-        Names of the recording.
+    name : RecordingName
+        The recording.
     frame : array of int, shape (T,)
         Frame numbers.
     time_s : array, shape (T,)
@@ -209,16 +201,13 @@ class Simulated:
 
     """
 
-    subject: str
-    hand: str
-    task: str
+    name: RecordingName
     frame: Integers
     time_s: Array
     segments: tuple[str, ...]
     position_mm: Array
     quaternion: Array
     truth: Truth
-    session: str = ""
 
     def poses(self) -> Poses:
         """Return the recording as poses; poses that the tracker lost are not valid."""
@@ -227,15 +216,12 @@ class Simulated:
 
 
 def simulate(
-    subject: str,
-    hand: str,
-    task: str,
+    name: RecordingName,
     seed: int,
     realism: Realism,
     n_frames: int | None = None,
     *,
     forearm: bool = False,
-    session: str = "",
     change: Callable[[TaskMotion], TaskMotion] | None = None,
 ) -> Simulated:
     """Simulate one recording at 240 Hz with 16 receivers, or 17 with `forearm`.
@@ -245,8 +231,8 @@ def simulate(
 
     Parameters
     ----------
-    subject, hand, task, session : str
-        Names of the recording; hand is right or left, task a key of TASK_FRAMES.
+    name : RecordingName
+        The recording; hand is right or left, task a key of TASK_FRAMES, and there are no trials.
     seed : int
         Seed, 0 or more.
     realism : Realism
@@ -269,12 +255,13 @@ def simulate(
         If an argument is not valid.
 
     """
-    n_frames = _check_arguments(hand, task, seed, n_frames)
+    n_frames = _check_arguments(name, seed, n_frames)
+    subject, hand, task, session = name.subject, name.hand, name.task, name.session
     layout = read_layout(LAYOUT)
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
-    mounts = mounts_of(subject, seed, anatomy, segments, realism, session)
-    motion = move(subject, task, seed, anatomy, realism, n_frames, session)
+    mounts = mounts_of(name, seed, anatomy, segments, realism)
+    motion = move(name, seed, anatomy, realism, n_frames)
     if change is not None:
         motion = change(motion)
     bones = bone_poses(anatomy, motion.angles_rad, motion.wrist_mm, motion.forearm)
@@ -298,17 +285,17 @@ def simulate(
         rng = generator(seed, "faults", subject, hand, task, session=session)
         recorded = faulty(*recorded, realism.faults, rng)
     frame = np.arange(1, n_frames + 1)
-    return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth, session)
+    return Simulated(name, frame, frame / RATE_HZ, segments, *recorded, truth)
 
 
-def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> int:
+def _check_arguments(name: RecordingName, seed: int, n_frames: int | None) -> int:
     """Return the number of frames of the recording; raise InputError if an argument is not valid."""
-    if hand not in ("right", "left"):
-        raise InputError(f"hand {hand!r} is not known; expected right or left")
-    if task not in TASK_FRAMES:
-        raise InputError(f"task {task!r} is not known; expected one of {', '.join(TASK_FRAMES)}")
+    if name.hand not in ("right", "left"):
+        raise InputError(f"hand {name.hand!r} is not known; expected right or left")
+    if name.task not in TASK_FRAMES:
+        raise InputError(f"task {name.task!r} is not known; expected one of {', '.join(TASK_FRAMES)}")
     if seed < 0:
         raise InputError(f"seed {seed} is negative; expected 0 or more")
     if n_frames is not None and n_frames < 2:
         raise InputError(f"{count_of(n_frames, 'frame', 'are')} not enough; expected 2 or more")
-    return n_frames or TASK_FRAMES[task]
+    return n_frames or TASK_FRAMES[name.task]

@@ -23,6 +23,7 @@ from shukotsu.simulate.random_hand import (
     RandomHand,
 )
 from shukotsu.simulate.realism import Realism, generator
+from shukotsu.tables.poses import RecordingName
 
 RATE_HZ = 240.0
 TASK_FRAMES = {"opposition": 3774, "rom": 7200}
@@ -73,15 +74,13 @@ class TaskMotion:
     forearm: Array
 
 
-def move(
-    subject: str, task: str, seed: int, hand: RandomHand, realism: Realism, n_frames: int, session: str
-) -> TaskMotion:
+def move(name: RecordingName, seed: int, hand: RandomHand, realism: Realism, n_frames: int) -> TaskMotion:
     """Simulate the motion of a hand during a task.
 
     Parameters
     ----------
-    subject, task, session : str
-        Names of the recording.
+    name : RecordingName
+        The recording.
     seed : int
         Seed of the simulation.
     hand : RandomHand
@@ -97,7 +96,8 @@ def move(
         Motion over T frames.
 
     """
-    rng = generator(seed, "motion", subject, hand.side, task, session=session)
+    subject, task = name.subject, name.task
+    rng = generator(seed, "motion", subject, hand.side, task, session=name.session)
     if task == "opposition":
         stiffness = generator(seed, "dip", subject, hand.side)
         script, weights = _opposition(rng, stiffness, hand, realism, n_frames)

@@ -15,6 +15,7 @@ from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.catalogue import FINDINGS
+from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import read_table, rows_of
 from shukotsu.workflow.study_files import import_options
 
@@ -31,7 +32,7 @@ ROWS = (
 @pytest.fixture
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    write_recording(Path("rom.csv"), simulate("P1", "right", "rom", 3, Realism(), 360))
+    write_recording(Path("rom.csv"), simulate(RecordingName("P1", "right", "rom"), 3, Realism(), 360))
     return write_study(tmp_path, *ROWS)
 
 
@@ -111,7 +112,7 @@ def test_the_exit_code_is_that_of_the_worst_finding(study: Path, row: str, code:
 @pytest.fixture(scope="module")
 def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rom") / "rom.csv"
-    write_recording(path, simulate("P1", "right", "rom", 3, Realism(), 600))
+    write_recording(path, simulate(RecordingName("P1", "right", "rom"), 3, Realism(), 600))
     return path
 
 

@@ -79,7 +79,7 @@ def test_a_folder_is_read_as_joined_tables_with_factors(study: SimulatedHand, tm
 
 @pytest.mark.parametrize("model", [FITTED, REPLAYED])
 def test_a_hand_is_posed_as_by_the_pipeline(study: SimulatedHand, model: str) -> None:
-    hand = shukotsu.pose(study.plan.folder.parent, "01", study.simulated.hand, "opposition", model=model)
+    hand = shukotsu.pose(study.plan.folder.parent, "01", study.simulated.name.hand, "opposition", model=model)
     bones = recording_reader(study.plan, study.recording, model).bones(study.poses())
     assert hand.names == bones.names
     np.testing.assert_array_equal(hand.position_mm, bones.position_mm)
@@ -118,7 +118,7 @@ def test_a_posed_hand_converts_to_xarray_with_names_and_units(
 def test_unknown_subjects_tasks_and_models_are_refused(
     study: SimulatedHand, words: dict[str, str], message: str
 ) -> None:
-    which = {"subject": "01", "hand": study.simulated.hand, "task": "opposition"} | words
+    which = {"subject": "01", "hand": study.simulated.name.hand, "task": "opposition"} | words
     with pytest.raises(InputError, match=message):
         shukotsu.pose(study.plan.folder.parent, **which)
 
@@ -128,7 +128,7 @@ ANGLES = {"index_mcp": (60.0, 8.0, -5.0), "index_pip": (80.0, 0.0, 0.0), "thumb_
 
 @pytest.fixture(scope="module")
 def posed(study: SimulatedHand) -> shukotsu.PosedRecording:
-    return shukotsu.pose(study.plan.folder.parent, "01", study.simulated.hand, "opposition")
+    return shukotsu.pose(study.plan.folder.parent, "01", study.simulated.name.hand, "opposition")
 
 
 def angles_in(posed: shukotsu.PosedRecording, joint: str) -> np.ndarray:

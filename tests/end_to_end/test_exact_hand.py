@@ -18,6 +18,7 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.tables.catalogue import METACARPALS
+from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import column_array, read_table
 
 N_FRAMES = 400
@@ -42,7 +43,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
         key = (realism, model, hand, task, forearm, seed)
         if key not in done:
             folder = tmp_path_factory.mktemp("hand")
-            simulated = simulate("01", hand, task, seed, realism, N_FRAMES, forearm=forearm)
+            simulated = simulate(RecordingName("01", hand, task), seed, realism, N_FRAMES, forearm=forearm)
             write_recording(folder / "recording.parquet", simulated)
             poses = import_recording(folder / "recording.parquet", folder / "poses.parquet", hand=hand)
             done[key] = run_hand(poses, model, folder), simulated

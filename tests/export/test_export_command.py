@@ -21,7 +21,7 @@ STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 
 def run(hand: SimulatedHand, out: Path, *argv: str, model: str = FITTED) -> int:
     """Export the hand's recording under one model, by default as BVH and CSV."""
-    which = ["--plan", str(hand.plan_path), "--hand", hand.simulated.hand, "--recording", "opposition"]
+    which = ["--plan", str(hand.plan_path), "--hand", hand.simulated.name.hand, "--recording", "opposition"]
     return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
 
 

@@ -34,7 +34,7 @@ def test_every_exported_pose_is_read_back(hand: SimulatedHand, tmp_path: Path) -
 
 def test_exported_angles_equal_those_of_the_bones(hand: SimulatedHand) -> None:
     """They equal joint_angles of the same bones; the thumb has a separate test."""
-    motion, truth, side = hand.motion(FITTED), hand.simulated.truth, hand.simulated.hand
+    motion, truth, side = hand.motion(FITTED), hand.simulated.truth, hand.simulated.name.hand
     angles_deg = bone_angles_deg(motion)
     ours = truth.bone_quaternion
     rests = rest_rotations(hand.plan.layouts[side], side)

@@ -13,6 +13,7 @@ from shukotsu.hand.average_hand import PRIOR
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.layout import Layout
+from shukotsu.tables.poses import RecordingName
 
 TURN_DEG = np.array([0.9, -1.1, 0.7])
 
@@ -49,7 +50,7 @@ def test_a_constant_field_turn_is_estimated_when_the_hand_turns(layout: Layout) 
     one.
     """
     realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)
-    poses = simulate("01", "right", "rom", 12, realism, 1500).poses()
+    poses = simulate(RecordingName("01", "right", "rom"), 12, realism, 1500).poses()
     rng, frames = np.random.default_rng(2), len(poses.frame)
     time = np.linspace(0, 2 * np.pi, frames)
     arm = Rotation.from_rotvec(np.stack([np.sin(time), np.cos(2 * time), np.sin(3 * time)], 1) * 0.7)

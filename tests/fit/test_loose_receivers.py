@@ -14,7 +14,7 @@ from shukotsu.hand.rotations import Array, about_axis, multiply, rotate, unit
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import Layout
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.poses import Poses, RecordingName
 
 QUICK = FitSettings(n_frames=60, rounds=1)
 
@@ -152,7 +152,7 @@ def test_an_undisturbed_hand_has_no_loose_receiver(layout: Layout, seed: int) ->
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):
-            poses = simulate("01", side, task, seed, replace(Realism(), artefact=skin)).poses()
+            poses = simulate(RecordingName("01", side, task), seed, replace(Realism(), artefact=skin)).poses()
             fit = fit_hand([poses], layout, side)
             assert displaced_in(fit, [poses]) == Displaced([]), (task, skin)
 

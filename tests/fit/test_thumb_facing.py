@@ -12,6 +12,7 @@ from shukotsu.hand.rotations import Array, rotate
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import RecordingName
 
 pytestmark = pytest.mark.slow
 
@@ -24,7 +25,7 @@ SIDES = pytest.mark.parametrize("side", ["right", "left"])
 
 @cache
 def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
-    drawn = simulate("01", side, "rom", seed, Realism(), 2400)
+    drawn = simulate(RecordingName("01", side, "rom"), seed, Realism(), 2400)
     drawn = facing_the_nail(drawn) if nail else drawn
     return drawn, fit_hand([drawn.poses()], LAYOUT, side, settings=QUICK)
 

@@ -14,6 +14,7 @@ from shukotsu.hand.rotations import Array, conjugate, from_matrix, matrix, multi
 from shukotsu.simulate.random_hand import JOINTS, PARENT
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
+from shukotsu.tables.poses import RecordingName
 
 SEEDS = st.integers(0, 2**32 - 1)
 HANDS = st.sampled_from(["right", "left"])
@@ -141,7 +142,7 @@ def test_angles_of_a_simulated_hand_equal_the_simulated_ones(hand: str) -> None:
     """They agree within the effect of the simulator's tilted axes; its radial deviation and supination are
     positive. The skew axes of the thumb's CMC joint are not comparable.
     """
-    truth = simulate("01", hand, "rom", 3, Realism(), 60).truth
+    truth = simulate(RecordingName("01", hand, "rom"), 3, Realism(), 60).truth
     bones, got = truth.bone_quaternion, {}
     for joint in set(JOINTS) - {"wrist", "thumb_cmc", "index_cmc", "middle_cmc"}:
         index = JOINTS.index(joint)

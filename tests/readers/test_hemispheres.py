@@ -17,7 +17,7 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.poses import NUMBERS, read_poses
+from shukotsu.tables.poses import NUMBERS, RecordingName, read_poses
 
 
 def samples_of(segments: tuple[str, ...], frame: np.ndarray, numbers: np.ndarray) -> Samples:
@@ -98,7 +98,7 @@ def test_a_capture_in_the_wrong_hemisphere_is_reported_and_repaired(
     """A raw capture cannot be edited, so it is repaired with `--repair-hemisphere`, which leaves no
     finding.
     """
-    drawn = simulate("01", "right", "rom", 7, Realism(), 300)
+    drawn = simulate(RecordingName("01", "right", "rom"), 7, Realism(), 300)
     poses = []
     for side, repair in ((1.0, []), (-1.0, []), (-1.0, ["--repair-hemisphere"])):
         folder = tmp_path / f"{len(poses)}"

@@ -32,8 +32,8 @@ from shukotsu.scores.comparisons import compare_models, compare_study
 from shukotsu.scores.observations import ScoredStudy
 from shukotsu.simulate.random_hand import BONES, DIGITS
 from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_truth
 from shukotsu.simulate.simulation import Simulated, simulate
-from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.plan import SubjectPlan
@@ -43,6 +43,7 @@ from shukotsu.study.study import Recording, Study, read_study
 from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, note_doubts
 from shukotsu.tables.catalogue import DISTAL_RECEIVER, FINDINGS, JOINT_CENTRES, POSES, TABLES
 from shukotsu.tables.parts import Part, parts_writer
+from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.subjects import path_token
 from shukotsu.tables.typed_table import (
     Provenance,
@@ -130,7 +131,7 @@ class MadeStudy:
 @cache
 def exact_hand(hand: str, n_frames: int) -> tuple[Simulated, dict[str, list[Row]]]:
     """Return an exact recording of opposition, and the rows of its tables of truth by name."""
-    simulated = simulate("", hand, "opposition", 7, Realism.exact(), n_frames)
+    simulated = simulate(RecordingName("", hand, "opposition"), 7, Realism.exact(), n_frames)
     with TemporaryDirectory() as folder:
         write_truth(Path(folder), simulated, NO_SOURCE)
         names = ("joint_centres", "bone_lengths")

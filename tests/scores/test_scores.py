@@ -21,8 +21,8 @@ from shukotsu.scores.truth import (
     truth_for,
 )
 from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_truth
 from shukotsu.simulate.simulation import simulate
-from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.layout import read_layout
 from shukotsu.study.study import Recording, Source
 from shukotsu.tables.poses import RecordingName
@@ -140,7 +140,10 @@ FINGERS = ("index", "middle", "ring", "little")
 
 
 def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRecording:
-    simulated, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
+    simulated, name = (
+        simulate(RecordingName("01", hand, "rom"), 4, realism, 200),
+        RecordingName("01", hand, "rom"),
+    )
     write_truth(folder, simulated, Provenance())
     truth, poses = read_truth(folder, name), simulated.poses()
     true = truth.digits(poses, LAYOUT)

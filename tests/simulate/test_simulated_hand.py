@@ -14,6 +14,7 @@ from shukotsu.simulate.forward import poses_in_hand
 from shukotsu.simulate.random_hand import BONES, DIGITS, JOINTS, TIP_BONES
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.tables.poses import RecordingName
 
 hand_of = cache(random_hand.hand_of)
 
@@ -59,7 +60,9 @@ def test_the_left_hand_is_the_mirror_image_of_the_right() -> None:
 
 @pytest.mark.parametrize(("subject", "side"), [("01", "right"), ("02", "left"), ("03", "right")])
 def test_in_opposition_the_thumb_meets_each_finger_in_turn(subject: str, side: str) -> None:
-    apart_mm = pad_distances_mm(simulate(subject, side, "opposition", 20090601, Realism(), 960))
+    apart_mm = pad_distances_mm(
+        simulate(RecordingName(subject, side, "opposition"), 20090601, Realism(), 960)
+    )
     assert apart_mm.min(0).max() < 10
     assert (apart_mm.max(0) > 30).all()
     assert (np.diff(apart_mm.argmin(0)) > 0).all()

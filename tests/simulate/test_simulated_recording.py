@@ -14,6 +14,7 @@ from shukotsu.simulate import simulation
 from shukotsu.simulate.random_hand import BONES, JOINTS
 from shukotsu.simulate.realism import Realism
 from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import RecordingName
 
 EXACT, FULL = Realism.exact(), Realism()
 SHORT = 600
@@ -21,7 +22,9 @@ simulate = cache(simulation.simulate)
 
 
 def test_tasks_share_the_hand_and_its_receivers() -> None:
-    first, second = (simulate("01", "right", task, 7, FULL, SHORT).truth for task in ("opposition", "rom"))
+    first, second = (
+        simulate(RecordingName("01", "right", task), 7, FULL, SHORT).truth for task in ("opposition", "rom")
+    )
     np.testing.assert_array_equal(first.hand.length_mm, second.hand.length_mm)
     np.testing.assert_array_equal(first.mounts.position_mm, second.mounts.position_mm)
 
@@ -29,7 +32,7 @@ def test_tasks_share_the_hand_and_its_receivers() -> None:
 @pytest.mark.parametrize("task", ["opposition", "rom"])
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: str) -> None:
-    simulated = simulate("01", side, task, 7, EXACT, SHORT, forearm=True)
+    simulated = simulate(RecordingName("01", side, task), 7, EXACT, SHORT, forearm=True)
     layout = read_layout("liberty16")
     assert set(simulated.truth.joints) == {joint.name for joint in layout.solvable}
     for joint in simulated.truth.joints.values():
@@ -52,9 +55,9 @@ def test_the_truth_is_the_mean_centre_in_the_receivers_frames(side: str) -> None
     truth is the same with noise and distortion.
     """
     realism = replace(FULL, noise=0.0, field_distortion=0.0)
-    simulated = simulate("01", side, "rom", 7, realism, SHORT)
+    simulated = simulate(RecordingName("01", side, "rom"), 7, realism, SHORT)
     turn, truth = rotations.matrix(simulated.quaternion), simulated.truth
-    noisy = simulate("01", side, "rom", 7, FULL, SHORT).truth.joints
+    noisy = simulate(RecordingName("01", side, "rom"), 7, FULL, SHORT).truth.joints
     for name, joint in truth.joints.items():
         centre_mm = truth.bone_position_mm[:, JOINTS.index(name) + 1]
         for segment, stated in (
@@ -83,4 +86,4 @@ def test_the_truth_is_the_mean_centre_in_the_receivers_frames(side: str) -> None
 )
 def test_unusable_arguments_are_refused(hand: str, task: str, seed: int, n_frames: int, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        simulate("01", hand, task, seed, EXACT, n_frames)
+        simulate(RecordingName("01", hand, task), seed, EXACT, n_frames)

@@ -18,6 +18,7 @@ from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.results import Results
 from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import read_table, rows_of
 from shukotsu.tables.whole_files import file_sha256
 
@@ -129,7 +130,7 @@ def record(
     session: str = "",
 ) -> Path:
     """Write a short simulated recording to a file, in the format of its extension."""
-    write_recording(file, simulate(subject, hand, task, 3, Realism(), frames, session=session))
+    write_recording(file, simulate(RecordingName(subject, hand, task, session=session), 3, Realism(), frames))
     return file
 
 
