@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from simulated_poses import recorded
 
 from shukotsu.fit.chain_builder import Unknowns
 from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.normal_equations import FieldDistortion
 from shukotsu.hand.average_hand import PRIOR
-from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.simulation import simulate
 from shukotsu.study.layout import Layout
-from shukotsu.tables.poses import RecordingName
 
 TURN_DEG = np.array([0.9, -1.1, 0.7])
 
@@ -49,8 +47,7 @@ def test_a_constant_field_turn_is_estimated_when_the_hand_turns(layout: Layout) 
     """A turn common to all receivers and fixed in the room is estimated to 0.35 deg, and about 0 without
     one.
     """
-    realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)
-    poses = simulate(RecordingName("01", "right", "rom"), 12, realism, 1500).poses()
+    poses = recorded(seed=12, n_frames=1500, artefact=0.0, field_distortion=0.0, glide=0.0)[1]
     rng, frames = np.random.default_rng(2), len(poses.frame)
     time = np.linspace(0, 2 * np.pi, frames)
     arm = Rotation.from_rotvec(np.stack([np.sin(time), np.cos(2 * time), np.sin(3 * time)], 1) * 0.7)

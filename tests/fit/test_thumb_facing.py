@@ -4,15 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from simulated_poses import recorded
 
 from benchmarks.faultless_hands import facing_the_nail, nail_turn
 from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.fitted_motion import joint_angles_of, pose_hand
 from shukotsu.hand.rotations import Array, rotate
-from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.layout import read_layout
-from shukotsu.tables.poses import RecordingName
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +24,7 @@ SIDES = pytest.mark.parametrize("side", ["right", "left"])
 
 @cache
 def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
-    drawn = simulate(RecordingName("01", side, "rom"), seed, Realism(), 2400)
+    drawn = recorded(side, seed=seed)[0]
     drawn = facing_the_nail(drawn) if nail else drawn
     return drawn, fit_hand([drawn.poses()], LAYOUT, side, settings=QUICK)
 

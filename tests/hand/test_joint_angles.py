@@ -7,14 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from simulated_poses import recorded
 
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.joint_angles import joint_angles, joint_rotation, mirror_rotations
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, matrix, multiply, rotate
 from shukotsu.simulate.random_hand import JOINTS, PARENT
-from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.simulation import simulate
-from shukotsu.tables.poses import RecordingName
 
 SEEDS = st.integers(0, 2**32 - 1)
 HANDS = st.sampled_from(["right", "left"])
@@ -142,7 +140,7 @@ def test_angles_of_a_simulated_hand_equal_the_simulated_ones(hand: str) -> None:
     """They agree within the effect of the simulator's tilted axes; its radial deviation and supination are
     positive. The skew axes of the thumb's CMC joint are not comparable.
     """
-    truth = simulate(RecordingName("01", hand, "rom"), 3, Realism(), 60).truth
+    truth = recorded(hand, seed=3, n_frames=60)[0].truth
     bones, got = truth.bone_quaternion, {}
     for joint in set(JOINTS) - {"wrist", "thumb_cmc", "index_cmc", "middle_cmc"}:
         index = JOINTS.index(joint)

@@ -14,14 +14,12 @@ import psutil
 import pytest
 from program_files import REPOSITORY
 from recording_files import WHO
+from simulated_poses import recorded
 
 from shukotsu import job
 from shukotsu.__main__ import main as capture
 from shukotsu.commands.run_stage import STAGES
-from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
-from shukotsu.simulate.simulation import simulate
-from shukotsu.tables.poses import RecordingName
 from shukotsu.workflow import warm_process
 
 WAITING = Path(__file__).with_name("waiting_job.py")
@@ -52,7 +50,7 @@ def done(folder: Path, *words: object, script: Path = SOLVE, address: str | None
 @pytest.fixture(scope="module")
 def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("poses")
-    write_recording(folder / "rom.parquet", simulate(RecordingName("01", "right", "rom"), 3, Realism(), 300))
+    write_recording(folder / "rom.parquet", recorded(seed=3, n_frames=300)[0])
     assert capture(["import", f"--in={folder}/rom.parquet", *WHO, f"--out={folder}/poses.parquet"]) == 0
     return folder / "poses.parquet"
 
