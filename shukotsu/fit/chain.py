@@ -338,15 +338,9 @@ class _Joint:
     """
 
     def __init__(
-        self,
-        builder: Builder,
-        joint: str,
-        flexion: int | None,
-        axis: Array,
-        rest: Array,
-        second: Array | None,
+        self, builder: Builder, name: str, flexion: int | None, axis: Array, rest: Array, second: Array | None
     ) -> None:
-        self.name, self.rest, self.flexion, self.axis = joint, rest, flexion, axis
+        self.name, self.rest, self.flexion, self.axis = name, rest, flexion, axis
         self.held: list[Step] = []
         self.at_rest: list[Step] = [Turn(rest)]
         self.others: tuple[int, int] | None = None
@@ -357,26 +351,26 @@ class _Joint:
         self.slides: tuple[int, ...] = ()
         if flexion is None:
             return
-        declared, free = builder.layout.joints[joint], builder.free
+        declared, free = builder.layout.joints[name], builder.free
         self.moves = bool(declared.dof)
-        builder.axes[joint] = axis
+        builder.axes[name] = axis
         sd = PRIOR.AXIS_SD_RAD if second is None else PRIOR.SKEW_AXIS_SD_RAD
-        self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
+        self.tilts = [free(0.0, sd, "axis", f"{name} {n}") for n in (1, 2)]
         if not builder.layout.segments[declared.child].measured:
-            self.ratio = builder.unknowns.add("pro-supination", joint)
+            self.ratio = builder.unknowns.add("pro-supination", name)
             if self.moves:
-                self.held.append(about(axis, free(0.0, PRIOR.PALM_HELD_SD_RAD, "palm held", joint)))
+                self.held.append(about(axis, free(0.0, PRIOR.PALM_HELD_SD_RAD, "palm held", name)))
             return
         add = builder.states.add
         if declared.dof == 1:
-            self.others = add(joint, KINDS[1], *PRIOR.HINGE_DEG), add(joint, KINDS[2], *PRIOR.HINGE_DEG)
-            self.at_rest.append(about(Z, free(0.0, PRIOR.LEAN_SD_RAD, "lean", joint)))
+            self.others = add(name, KINDS[1], *PRIOR.HINGE_DEG), add(name, KINDS[2], *PRIOR.HINGE_DEG)
+            self.at_rest.append(about(Z, free(0.0, PRIOR.LEAN_SD_RAD, "lean", name)))
             self.slide_sd_mm = PRIOR.HINGE_SLIDE_SD_MM
         else:
-            self.others = add(joint, KINDS[1], *PRIOR.ABDUCTION_DEG), add(joint, KINDS[2], *PRIOR.AXIAL_DEG)
+            self.others = add(name, KINDS[1], *PRIOR.ABDUCTION_DEG), add(name, KINDS[2], *PRIOR.AXIAL_DEG)
             self.abducts = self.others[0]
             self.slide_sd_mm = PRIOR.JOINT_SLIDE_SD_MM
-        self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
+        self.slides = tuple(builder.unknowns.add("joint slide", f"{name} {n}") for n in "xyz")
         self.second = rest[:, 2]
         if second is not None:
             self._make_skew(builder, second)

@@ -256,11 +256,10 @@ class PosedRecording:
 
         """
         new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
+        joints = [self.joints[index] for index in kept]
         return replace(
             self,
-            joints=tuple(
-                replace(self.joints[index], parent=new_index[self.joints[index].parent]) for index in kept
-            ),
+            joints=tuple(replace(joint, parent=new_index[joint.parent]) for joint in joints),
             position_mm=self.position_mm[:, kept],
             quaternion=self.quaternion[:, kept],
             rest_offset_mm=self.rest_offset_mm[kept],

@@ -69,18 +69,12 @@ class Estimate:
 
     @classmethod
     def of(
-        cls,
-        pulls: Sequence[LengthPullsRow],
-        session: str,
-        hand: str,
-        recordings: Iterable[str],
-        *,
-        is_whole: bool,
+        cls, pulls: Sequence[LengthPullsRow], session: str, hand: str, names: Iterable[str], *, is_whole: bool
     ) -> Estimate:
-        """Build an estimate from one bone's rows of length_pulls."""
+        """Build an estimate from one bone's rows of length_pulls; names : of the recordings."""
         by_unknown = {(row["unknown"], row["group"]): row["pull_mm"] for row in pulls}
         stated = pulls[0]["alone_mm"], pulls[0]["alone_sd_mm"]
-        return cls(session, hand, frozenset(recordings), is_whole, *stated, by_unknown)
+        return cls(session, hand, frozenset(names), is_whole, *stated, by_unknown)
 
     def across(self, other: Estimate) -> str:
         """Return the single aspect (of `ACROSS`) in which two estimates differ; empty if not comparable."""

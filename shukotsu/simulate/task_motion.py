@@ -141,22 +141,19 @@ def _cup_posture() -> Array:
 
 
 def _opposition(
-    rng: np.random.Generator,
-    stiffness: np.random.Generator,
-    hand: RandomHand,
-    realism: Realism,
-    n_frames: int,
+    rng: np.random.Generator, of_hand: np.random.Generator, hand: RandomHand, realism: Realism, n_frames: int
 ) -> tuple[Array, Array]:
     """Write the script in which the thumb's pad meets each finger's pad in turn.
 
-    Return keyframes (K, J, 2), deg, and relative durations (K - 1,).
+    rng, of_hand : generators of the recording, and of the stiffness of the DIP joints. Return keyframes
+    (K, J, 2), deg, and relative durations (K - 1,).
     """
     rest = rest_posture()
     starts = np.repeat(rest[None], len(FINGERS), 0)
     for i, digit in enumerate(FINGERS):
         starts[i, :, FLEXION] += _CUPPING[digit] * _cup_posture()[:, FLEXION]
     dips = [JOINTS.index(f"{digit}_dip") for digit in FINGERS]
-    ranges_deg, stiff_deg = (stiffness.uniform(*limits, len(FINGERS)) for limits in ((4.0, 10.0), (2.0, 3.0)))
+    ranges_deg, stiff_deg = (of_hand.uniform(*limits, len(FINGERS)) for limits in ((4.0, 10.0), (2.0, 3.0)))
     if hand.side == "left":
         ranges_deg[2:] = stiff_deg[2:]  # the DIP joints of ring and little finger hardly move
     starts[:, dips, FLEXION] += np.diag(ranges_deg)
