@@ -14,39 +14,27 @@ if TYPE_CHECKING:
 MEASURED_TABLES = ("ranges_of_motion", "fingertip_paths", "movement_cycles", "cycle_curves", "event_strokes")
 """Tables of a subject's movement."""
 
+SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
+TRUTH_TABLES = (*SKELETON_TABLES, "tips")
+"""Tables of true values that accompany a simulated recording."""
+
 SUBJECT_TABLES = {
     "findings": "check_recordings",
-    "events": "align_events",
-    "clocks": "align_events",
+    **dict.fromkeys(("events", "clocks"), "align_events"),
     "joint_solutions": "solve_joints",
     "projected_joints": "project_planes",
-    "joint_centres": "estimate_metacarpals",
-    "bone_lengths": "estimate_metacarpals",
-    "metacarpals": "estimate_metacarpals",
-    "tips": "evaluate_tips",
-    "tip_errors": "evaluate_tips",
-    "skeleton_scores": "evaluate_skeletons",
-    "joint_errors": "evaluate_skeletons",
+    **dict.fromkeys(SKELETON_TABLES, "estimate_metacarpals"),
+    **dict.fromkeys(("tips", "tip_errors"), "evaluate_tips"),
+    **dict.fromkeys(("skeleton_scores", "joint_errors"), "evaluate_skeletons"),
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
 """Tables of a subject, with both hands and all models, and the rule that writes each."""
 
 FIT_TABLES = (
-    "fitted_joints",
-    "fitted_bones",
-    "receivers",
-    "moved_receivers",
-    "gains",
-    "length_pulls",
-    "joint_angles",
-    "bone_poses",
-    "posed_tips",
+    *("fitted_joints", "fitted_bones", "receivers", "moved_receivers", "gains", "length_pulls"),
+    *("joint_angles", "bone_poses", "posed_tips"),
 )
 """Tables written once per hand and model by a fit of the whole hand."""
-
-SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
-TRUTH_TABLES = (*SKELETON_TABLES, "tips")
-"""Tables of true values that accompany a simulated recording."""
 
 GATHERED_TABLES = (
     *("joint_centres", "bone_lengths", "tip_errors", "receivers", "moved_receivers", "gains"),

@@ -28,7 +28,6 @@ from shukotsu.study.plan_file import (
 from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.workflow.file_digests import FileDigests
-from shukotsu.workflow.former_results import remove_former_results
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (with session), hand, recording and model, as in paths."""
@@ -148,6 +147,8 @@ class StudyFiles:
 
     def remove_former(self) -> str:
         """Remove results that no longer belong to the study; return a sentence on them, if any."""
+        from shukotsu.workflow.former_results import remove_former_results
+
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders, *self.exports}
         former = remove_former_results(self.results, present)
         return f"removed results that no longer belong to the study: {list_names(former)}" if former else ""
@@ -159,7 +160,7 @@ class StudyFiles:
         rewritten when a run starts, and a run starts only if there is a job to do; so the job that writes the
         study's tables is made to run.
         """
-        from shukotsu.workflow.made_from import recall  # imports Snakemake, often not needed
+        from shukotsu.workflow.former_results import recall  # imports Snakemake, often not needed
 
         tables = [self.results.resolved.as_posix()] if self.changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
@@ -334,13 +335,9 @@ class StudyFiles:
         """
         fittings = {name: model.fitting for plan in self.subjects for name, model in plan.models.items()}
         layouts = {token: [*plan.layouts.values()] for token, plan in self._plans.items()}
-        tokens = {
-            "subject": [token for token, of_hands in layouts.items() if of_hands[1:] == of_hands[:1]],
-            "model": [
-                path_token(name) for name, fitting in fittings.items() if fitting and fitting.share_lengths
-            ]
-            + [REFERENCE],
-        }
+        subjects = [token for token, of_hands in layouts.items() if of_hands[1:] == of_hands[:1]]
+        models = [path_token(name) for name, fit in fittings.items() if fit and fit.share_lengths]
+        tokens = {"subject": subjects, "model": [*models, REFERENCE]}
         return {name: "|".join(map(re.escape, of_name)) or "(?!)" for name, of_name in tokens.items()}
 
     def fit_plan(self, wildcards: Wildcards) -> str:

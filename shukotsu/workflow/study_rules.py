@@ -20,9 +20,8 @@ from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
 from shukotsu.tables.whole_files import write_text
-from shukotsu.workflow import made_from, one_run, progress, warm_process
+from shukotsu.workflow import former_results, one_run, warm_process
 from shukotsu.workflow.file_digests import program_digest
-from shukotsu.workflow.study_file import study_file
 from shukotsu.workflow.study_files import StudyFiles
 
 CAPTIONS = PACKAGE / "report" / "captions"
@@ -51,7 +50,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_JOB=job.__file__)
     os.environ.update(SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
-        study = StudyFiles(study_file(workflow.configfiles, config, is_module))
+        study = StudyFiles(one_run.study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
         notes += [study.changed_results(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
@@ -59,11 +58,11 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     _note(*notes)
     DAG.check_output_mtime = _take_any_time
     workflow.global_wildcard_constraints(**WILDCARDS)
-    shown = os.getenv(progress.SHOWN) if workflow.is_main_process else None
-    line = progress.Progress(workflow, sys.stderr)
+    shown = os.getenv(one_run.SHOWN) if workflow.is_main_process else None
+    line = one_run.Progress(workflow, sys.stderr)
     if shown:
         logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))
-    for handler in logger.handlers if shown == progress.PROGRESS and not workflow.dryrun else ():
+    for handler in logger.handlers if shown == one_run.PROGRESS and not workflow.dryrun else ():
         if handler.name == "DefaultStreamHandler":  # the terminal's, not the log file's
             handler.addFilter(line)
 
@@ -92,7 +91,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
 
     def finish(logs: list[str]) -> None:
         line.close(logs)
-        made_from.keep(study.kept, workflow)
+        former_results.keep(study.kept, workflow)
 
     workflow.onsuccess(finish)
     workflow.onerror(finish)
@@ -135,7 +134,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.log_modifier = rule.output_modifier
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
-        rule.message = f"{rule.name}: {', '.join(shown) or progress.OF_STUDY}"
+        rule.message = f"{rule.name}: {', '.join(shown) or one_run.OF_STUDY}"
         rule.set_params(stages=STAGES)
         if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run starts
             continue

@@ -22,16 +22,7 @@ from shukotsu.study.recording_summary import part_problems, subject_tables
 from shukotsu.study.results import GATHERED_TABLES, Results
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
 from shukotsu.study.study import Study, correction_problems, unmatched_rows, unused_columns
-from shukotsu.tables.catalogue import (
-    AGREEMENT,
-    FINDINGS,
-    JOINT_CENTRES,
-    JOINT_SOLUTIONS,
-    PROBLEMS,
-    RECEIVERS,
-    RECORDINGS,
-    TABLES,
-)
+from shukotsu.tables.catalogue import AGREEMENT, PROBLEMS, RECORDINGS, TABLES
 from shukotsu.tables.typed_table import (
     Column,
     Provenance,
@@ -61,7 +52,7 @@ def gather_study(study: Study, results: Results) -> None:
     for plan, subject in zip(plans, of_subjects, strict=True):
         problems += [*_bugs(plan), *subject.problems]
     # find recordings whose poses equal those of another subject or session
-    digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
+    digests = {plan.who: read_metadata(plan.table("findings"))["parameters"]["digests"] for plan in plans}
     of_recordings = (
         (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
         for plan in plans
@@ -95,11 +86,9 @@ def gather_study(study: Study, results: Results) -> None:
     provenance = Provenance.of(list(study.sheets.values()))
     key = ("subject", "session", "hand", "task", "model", "message")
     unique = list({key_of(row, key): row for row in reversed(problems)}.values())[::-1]
-    for table, table_rows in (
-        (_with_further_columns(study, recordings), recordings),
-        (PROBLEMS, unique),
-        (AGREEMENT, agreement(plans)),
-    ):
+    whole_table = _with_further_columns(study, recordings)
+    tables = ((whole_table, recordings), (PROBLEMS, unique), (AGREEMENT, agreement(plans)))
+    for table, table_rows in tables:
         write_table(results.study_table(table.name), table, columns_from_rows(table, table_rows), provenance)
 
 
@@ -116,19 +105,11 @@ def _with_further_columns(study: Study, rows: Sequence[RecordingsRow]) -> Table:
     return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
 
 
-_WRITTEN_BEFORE = (
-    (JOINT_SOLUTIONS, "joint_solutions", "solve_joints"),
-    (JOINT_CENTRES, "projected_joints", "project_planes"),
-    (RECEIVERS, RECEIVERS.name, "fit_hand"),
-)
-"""Tables whose failures later stages repeat: definition, name and the rule that writes the table."""
-
-
 def _bugs(plan: SubjectPlan) -> Iterator[ProblemsRow]:
     """Yield internal errors with the stage that caused them; later stages repeat them as their own."""
-    references = [plan.table(RECEIVERS.name, hand, REFERENCE) for hand in plan.hands]
-    for table, name, stage in _WRITTEN_BEFORE:
-        files = plan.files_of(name) + (references if name == RECEIVERS.name else [])
+    references = [plan.table("receivers", hand, REFERENCE) for hand in plan.hands]
+    for name in ("joint_solutions", "projected_joints", "receivers"):  # those whose failures are repeated
+        files = plan.files_of(name) + (references if name == "receivers" else [])
         for file in filter(Path.is_file, files):
-            problems = part_problems(plan, file, table, stage)
+            problems = part_problems(plan, file, name)
             yield from (row for row in problems if row["message"].startswith(INTERNAL))
