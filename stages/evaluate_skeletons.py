@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from shukotsu import command_line
 from shukotsu.study import subject_stage
@@ -55,4 +54,4 @@ main = subject_stage.script(build_parser, evaluate, WRITES, subject_stage.hands_
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

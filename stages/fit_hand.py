@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,9 +36,8 @@ def build_parser() -> argparse.ArgumentParser:
         sheets=("measurements", "touches"),
     )
     command_line.add_outputs(parser, WRITES)
-    parser.add_argument(
-        "--out-other", type=Path, help="also fit the person's other hand, and write its tables to this folder"
-    )
+    other = "also fit the person's other hand, and write its tables to this folder"
+    parser.add_argument("--out-other", type=Path, help=other)
     return parser
 
 
@@ -84,4 +82,4 @@ main = subject_stage.script(build_parser, fit, WRITES, parts, each_hand)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

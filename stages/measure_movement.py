@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
@@ -58,4 +57,4 @@ main = subject_stage.script(build_parser, measure, WRITES, parts)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

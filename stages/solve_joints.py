@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from shukotsu import command_line
 from shukotsu.study import subject_stage
@@ -35,15 +34,11 @@ def solve(arguments: argparse.Namespace) -> None:
     if not plan.models:
         raise InputError("--model: is missing; expected a skeleton model that ships, or a path")
     provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
-    requests = [
-        PartRequest(
-            part,
-            tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
-            plan.layouts[part.hand],
-            plan.models[part.model].solving,
-        )
-        for part in plan.parts()
-    ]
+    requests = []
+    for part in plan.parts():
+        recordings = plan.calibrating(part.hand, part.model, part.made_without)
+        layout, model = plan.layouts[part.hand], plan.models[part.model]
+        requests.append(PartRequest(part, tuple(map(plan.poses, recordings)), layout, model.solving))
     outcomes = solve_parts(requests)
     with subject_stage.writing(arguments, WRITES, provenance) as tables:
         solutions = tables["joint_solutions"]
@@ -61,4 +56,4 @@ main = subject_stage.script(build_parser, solve, WRITES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())
