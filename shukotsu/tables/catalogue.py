@@ -27,13 +27,8 @@ BONE_TIP, DISTAL_RECEIVER = "bone tip", "distal receiver"
 HAND_KEY = ("subject", "session", "hand")
 RECORDING_KEY = (*HAND_KEY, "task", "trial")
 
-_TYPES = {
-    "text": pa.string(),
-    "bool": pa.bool_(),
-    "int8": pa.int8(),
-    "int64": pa.int64(),
-    "double": pa.float64(),
-}
+_TYPES = {"text": pa.string(), "bool": pa.bool_()}
+_TYPES |= {"int8": pa.int8(), "int64": pa.int64(), "double": pa.float64()}
 
 
 class _Tables(Mapping[str, Table]):

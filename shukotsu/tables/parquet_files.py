@@ -71,12 +71,7 @@ def _footer_at(stream: BinaryIO) -> int:
     return end - _END_BYTES - int.from_bytes(stream.read(4), "little")
 
 
-def open_parquet(
-    path: Path,
-    expected: str,
-    remedy: str = "",
-    buffer_size: int = 0,
-) -> pq.ParquetFile:
+def open_parquet(path: Path, expected: str, remedy: str = "", buffer_size: int = 0) -> pq.ParquetFile:
     """Open a Parquet file for reading in parts.
 
     Parameters
