@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,26 +77,30 @@ FAILED_PAGES = "failed.txt"
 """File that lists which of a subject's pages could not be made and why, one per line."""
 
 
-@dataclass(frozen=True)
 class Results:
-    """The results folder of one study: in a run, results/NAME in the working directory."""
+    """The results folder of one study: in a run, results/NAME in the working directory.
 
-    folder: Path
+    Attributes
+    ----------
+    report
+        The study's report.
+    resolved
+        The resolved study: its file, layouts and models with all defaults filled in.
+    figures
+        Folder of the study's figures for print.
+    exports
+        Folder of all skeletons and their motion in the formats of other programs.
+    new_dataset, tidy_tables
+        Folders in which the Motion-BIDS dataset and the CSV files of the study's tables are made, before they
+        are collected in `exports` as `bids` and `tables`.
 
-    @property
-    def report(self) -> Path:
-        """The study's report."""
-        return self.folder / "report.html"
+    """
 
-    @property
-    def figures(self) -> Path:
-        """Folder of the study's figures for print."""
-        return self.folder / "figures"
-
-    @property
-    def resolved(self) -> Path:
-        """The resolved study: its file, layouts and models with all defaults filled in."""
-        return self.folder / "resolved.yaml"
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.report, self.resolved = folder / "report.html", folder / "resolved.yaml"
+        self.figures, self.exports = folder / "figures", folder / "exports"
+        self.new_dataset, self.tidy_tables = folder / "dataset", folder / "tidy"
 
     def subject(self, subject: str, session: str = "") -> Path:
         """Return the folder of a subject's plan and tables, for one session if the study has sessions."""
@@ -107,24 +110,9 @@ class Results:
         """Return the file of a subject's plan."""
         return self.subject(subject, session) / "plan.json"
 
-    @property
-    def exports(self) -> Path:
-        """Folder of all skeletons and their motion in the formats of other programs."""
-        return self.folder / "exports"
-
     def subject_exports(self, subject: str, session: str = "") -> Path:
         """Return the folder in which a subject's exports are made, before they are collected in `exports`."""
         return self.subject(subject, session) / "exports"
-
-    @property
-    def new_dataset(self) -> Path:
-        """Folder in which the Motion-BIDS dataset is made, before it is collected in `exports` as `bids`."""
-        return self.folder / "dataset"
-
-    @property
-    def tidy_tables(self) -> Path:
-        """Folder in which CSV files of the study's tables are made, before they are collected as `tables`."""
-        return self.folder / "tidy"
 
     def subject_pages(self, subject: str, session: str = "") -> Path:
         """Return the folder of the report's pages of one subject."""

@@ -21,10 +21,8 @@ from snakemake.persistence import RECORD_FORMAT_VERSION, MetadataRecord
 from snakemake.persistence.file import FilePersistence
 
 from shukotsu.errors import InputError
-from shukotsu.study import results
-from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
+from shukotsu.study import config_files, plan_file, results
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
 
@@ -32,7 +30,7 @@ COMPARED = {"rule", "input", "params", "code", "software_stack_hash", "record_fo
 """Fields of Snakemake's record that it compares with the present job."""
 NOT_AS_MADE = ["this file is not as a run left it"]
 """Params that mark the record of a changed output; no job has them."""
-INSTALLED = {"<python>": sys.executable, "<config>": str(CONFIG_FOLDER)}
+INSTALLED = {"<python>": sys.executable, "<config>": str(config_files.CONFIG_FOLDER)}
 """Placeholders in stored records for paths that depend on the installation."""
 SAME_TIME_S = 1e-5
 """Times that differ by no more than this are equal: they were rounded."""
@@ -129,7 +127,7 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
         plan = None
         with suppress(InputError):  # from a damaged plan it is unknown what was made
-            plan = read_plan(path)
+            plan = plan_file.read_plan(path)
         if plan is None or plan.folder != path.parent:
             continue
         files = [file for file in _files_of_subject(plan, paths, present) if file.as_posix() not in present]
@@ -161,7 +159,7 @@ def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collec
     yield plan.folder / "plan.json"
     yield from map(plan.poses, plan.recordings)
     yield from (plan.table(name) for name in results.SUBJECT_TABLES)
-    for model in (*plan.fitted_models, REFERENCE):
+    for model in (*plan.fitted_models, config_files.REFERENCE):
         yield from (plan.table(name, hand, model) for hand in plan.hands for name in results.FIT_TABLES)
     pages, exports = paths.subject_pages(*plan.who), paths.subject_exports(*plan.who)
     if pages.as_posix() not in present:

@@ -42,6 +42,11 @@ class StudyFiles:
         Command-line options that name the study and its results folder.
     subjects
         Plans of every subject in every session, in the sheet's order.
+    plans_digest
+        Digest of the plans of all subjects.
+    export_options, participants
+        Options of the export command that the study file sets, and the one that names the participants sheet;
+        an empty string if the study has none.
     simulated, streamed, simulated_truth
         Patterns, with wildcards, of the paths of a simulated recording, of the same recording as the
         tracker's raw capture, and of its truth tables; paths that do not exist if nothing is simulated.
@@ -80,6 +85,11 @@ class StudyFiles:
         ]
         if reasons and all(reasons):  # a model that applies to no hand is an error in the study
             raise InputError(f"{self.file}: models: {reasons[0]}")
+        self.plans_digest = plan_digest(self._contents)
+        settings, participants = self.study.export_settings, self.study.sheets.get("participants")
+        self.export_options = _options(settings | {"models": ",".join(settings["models"])})
+        sheet = None if participants is None else _relative(participants)
+        self.participants = _options({"participants": sheet})
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         simulation, folder = self.study.simulation, Path(os.devnull, "none")
         self.seed = 0 if simulation is None else simulation.seed
@@ -360,11 +370,6 @@ class StudyFiles:
     # --- the whole study ----------------------------------------------------------------------------------
 
     @property
-    def plans_digest(self) -> str:
-        """Digest of the plans of all subjects."""
-        return plan_digest(self._contents)
-
-    @property
     def tables(self) -> list[str]:
         """Every table of every subject."""
         return [*self._of_all(self.poses), *self._of_all(self.subject_tables)]
@@ -388,18 +393,6 @@ class StudyFiles:
     def configuration_digest(self) -> str:
         """Digest of the contents of these files and of the other mappings."""
         return plan_digest([self._digests.sha256(path) for path in (*self._configuration, *self._mappings)])
-
-    @property
-    def export_options(self) -> str:
-        """Options of the export command that the study file sets."""
-        settings = self.study.export_settings
-        return _options(settings | {"models": ",".join(settings["models"])})
-
-    @property
-    def participants(self) -> str:
-        """Option that names the participants sheet; an empty string if the study has none."""
-        sheet = self.study.sheets.get("participants")
-        return _options({"participants": None if sheet is None else _relative(sheet)})
 
     @property
     def outputs(self) -> list[str]:

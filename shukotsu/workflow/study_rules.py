@@ -20,9 +20,7 @@ from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
 from shukotsu.tables.whole_files import write_text
-from shukotsu.workflow import former_results, one_run, warm_process
-from shukotsu.workflow.file_digests import program_digest
-from shukotsu.workflow.study_files import StudyFiles
+from shukotsu.workflow import file_digests, former_results, one_run, study_files, warm_process
 
 CAPTIONS = PACKAGE / "report" / "captions"
 """Folder of the captions that `snakemake --report` uses."""
@@ -35,7 +33,7 @@ LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
 """Wildcards in the wording of messages."""
 
 
-def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
+def begin(workflow: Any, config: dict[str, Any], top: Path) -> study_files.StudyFiles:
     """Read the study of a workflow, and register the functions that run when it starts and ends.
 
     top : the folder of the Snakefile. Raises WorkflowError if the study cannot be read.
@@ -50,7 +48,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_JOB=job.__file__)
     os.environ.update(SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
-        study = StudyFiles(one_run.study_file(workflow.configfiles, config, is_module))
+        study = study_files.StudyFiles(one_run.study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
         notes += [study.changed_results(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
@@ -111,14 +109,14 @@ def _note(*notes: str) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
-def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
+def complete(workflow: Any, study: study_files.StudyFiles, snakefile: str) -> None:
     """Set every rule's log, message, parts of its command, and the params whose change triggers a rerun.
 
     These params are the program's digest, and the digests of the subject's plan, of all plans and of the
     study's configuration for rules that have them as inputs. A rule that depends on only a part of a plan
     sets that part's digest itself.
     """
-    code = program_digest()
+    code = file_digests.program_digest()
     params_of: dict[str, dict[str, Any]] = {
         "plan": {"plan": study.plan},
         "plans": {"plans": study.plans_digest},
@@ -155,14 +153,14 @@ def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake
     return shlex.join(words)
 
 
-def report_page(study: StudyFiles) -> Any:
+def report_page(study: study_files.StudyFiles) -> Any:
     """Return the study's page, marked for inclusion in `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
     caption = f"{CAPTIONS}/report.rst"
     return report(page, caption=caption, category="Study", labels=labels)
 
 
-def report_figures(study: StudyFiles) -> list[Any]:
+def report_figures(study: study_files.StudyFiles) -> list[Any]:
     """Return the study's figures for print; SVG files are marked for inclusion in `snakemake --report`."""
     figures: list[Any] = []
     for path in map(Path, study.figures):
