@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import SKELETON_TABLES
+from shukotsu.study import results, subject_stage
 
 WRITES = {"out": "skeleton_scores", "out_joints": "joint_errors"}
-READS = (*SKELETON_TABLES, "tips", "tip_errors")
+READS = (*results.SKELETON_TABLES, "tips", "tip_errors")
 FITTED = ("posed_tips", "bone_poses", "fitted_joints", "fitted_bones")
 
 

@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import SKELETON_TABLES
+from shukotsu.study import results, subject_stage
 
-TABLES = ("findings", *SKELETON_TABLES)
+TABLES = ("findings", *results.SKELETON_TABLES)
 POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")
 
 

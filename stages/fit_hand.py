@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import FIT_TABLES
+from shukotsu.study import results, subject_stage
 
 if TYPE_CHECKING:
     from shukotsu.fit.calibration import Fits
     from shukotsu.tables.parts import Part
 
-WRITES = {"out": FIT_TABLES}
+WRITES = {"out": results.FIT_TABLES}
 
 
 def build_parser() -> argparse.ArgumentParser:
