@@ -78,14 +78,10 @@ def record_tracker(options: argparse.Namespace) -> None:
                     print(line, flush=True)
                 return
             other = ("out", "note", "devices", "ask")
-            about = {
-                "options": {name: value for name, value in vars(options).items() if name not in other},
-                "notes": options.note,
-                "opened_utc": datetime.now(UTC).isoformat(),
-            }
-            plan = session.RecordingPlan(
-                options.out, request, options.duration, tuple(options.note), options.quiet
-            )
+            stated = {name: value for name, value in vars(options).items() if name not in other}
+            about = {"options": stated, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
+            notes = tuple(options.note)
+            plan = session.RecordingPlan(options.out, request, options.duration, notes, options.quiet)
             ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
         finally:
             port.close()
