@@ -63,10 +63,9 @@ def parser(program: str, description: str, example: str) -> argparse.ArgumentPar
 def add_outputs(parser: argparse.ArgumentParser, writes: Mapping[str, str | Sequence[str]]) -> None:
     """Add a required option for each output of a stage, which is a table or a folder of several tables."""
     for name, tables in writes.items():
-        help_text = (
-            f"the {tables} table to write" if isinstance(tables, str) else f"folder for {', '.join(tables)}"
-        )
-        parser.add_argument(option_of(name), type=Path, required=True, help=help_text)
+        is_one = isinstance(tables, str)
+        what = f"the {tables} table to write" if is_one else f"folder for {', '.join(tables)}"
+        parser.add_argument(option_of(name), type=Path, required=True, help=what)
 
 
 def study_parser(stage: str, description: str) -> argparse.ArgumentParser:
@@ -125,11 +124,8 @@ def script(
         status = None
         parser, record = build_parser(), record_failure or record_bug
         if record is not None:
-            parser.add_argument(
-                "--record-failure",
-                action="store_true",
-                help="on bad input write the reason into the output tables and end with 0: a study continues",
-            )
+            how = "on bad input write the reason into the output tables and end with 0: a study continues"
+            parser.add_argument("--record-failure", action="store_true", help=how)
         arguments = parser.parse_args(argv)
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)

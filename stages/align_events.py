@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,9 +52,8 @@ def align(arguments: argparse.Namespace) -> None:
     recordings = [recording for named in by_part.values() for recording in named]
     with_events = [recording for recording in recordings if recording.file is not None or recording.rows]
     files = [path for recording in with_events for path in (recording.poses, recording.file) if path]
-    with subject_stage.writing(
-        arguments, WRITES, Provenance.of(files, None if plan is None else plan.folder)
-    ) as tables:
+    provenance = Provenance.of(files, None if plan is None else plan.folder)
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
         for part, named in by_part.items():
             rows = [aligned_rows(arguments, recording) for recording in named]
             tables["events"].rows(part, [row for events, _ in rows for row in events])
@@ -85,4 +83,4 @@ main = subject_stage.script(build_parser, align, WRITES, lambda arguments, _: re
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

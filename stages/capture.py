@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 from shukotsu import command_line
 from shukotsu.readers.import_recording import build_parser, import_recording, record_failure
 
@@ -11,4 +9,4 @@ main = command_line.script(build_parser, import_recording, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from shukotsu import command_line
@@ -53,9 +52,8 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
     if arguments.out is None:
         raise InputError(message)
-    recordings = [
-        recording for recording in subject_stage.plan_of(arguments).recordings if not recording.exclude
-    ]
+    plan = subject_stage.plan_of(arguments)
+    recordings = [recording for recording in plan.recordings if not recording.exclude]
     rows = [{**recording.key, **unchecked_finding(message).columns} for recording in recordings]
     write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
 
@@ -64,4 +62,4 @@ main = command_line.script(build_parser, check, record_bug=record_bug)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-import sys
 from pathlib import Path
 
 from shukotsu import command_line
@@ -46,4 +45,4 @@ main = command_line.script(build_parser, collect)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

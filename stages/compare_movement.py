@@ -25,16 +25,12 @@ def compare(arguments: argparse.Namespace) -> None:
     left = not_compared(study)
     for factor, message in left.items():
         print(f"note: factor {factor}: {message}", file=sys.stderr)
-    compare_study(
-        factor_levels(study),
-        [name for name in study.factors if name not in left],
-        Results(arguments.results),
-        list(study.sheets.values()),
-    )
+    factors, results = [name for name in study.factors if name not in left], Results(arguments.results)
+    compare_study(factor_levels(study), factors, results, list(study.sheets.values()))
 
 
 main = command_line.script(build_parser, compare)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from shukotsu import command_line
 from shukotsu.study import subject_stage
@@ -48,4 +47,4 @@ main = subject_stage.script(build_parser, estimate, WRITES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

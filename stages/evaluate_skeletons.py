@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import SKELETON_TABLES
+from shukotsu.study import results, subject_stage
 
 WRITES = {"out": "skeleton_scores", "out_joints": "joint_errors"}
-READS = (*SKELETON_TABLES, "tips", "tip_errors")
+READS = (*results.SKELETON_TABLES, "tips", "tip_errors")
 FITTED = ("posed_tips", "bone_poses", "fitted_joints", "fitted_bones")
 
 
@@ -55,4 +53,4 @@ main = subject_stage.script(build_parser, evaluate, WRITES, subject_stage.hands_
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

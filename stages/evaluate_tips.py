@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import SKELETON_TABLES
+from shukotsu.study import results, subject_stage
 
 WRITES = {"out": "tips", "out_errors": "tip_errors"}
 
@@ -23,7 +21,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",
     )
     subject_stage.add_plan_options(
-        parser, "findings", *SKELETON_TABLES, calibration="--calibration", evaluated="--poses"
+        parser, "findings", *results.SKELETON_TABLES, calibration="--calibration", evaluated="--poses"
     )
     command_line.add_outputs(parser, WRITES)
     return parser
@@ -36,8 +34,8 @@ def evaluate(arguments: argparse.Namespace) -> None:
     from shukotsu.tables.parts import opened_once, part_metadata
 
     plan = subject_stage.plan_of(arguments)
-    made_of = [plan.table(name) for name in SKELETON_TABLES]
-    for path, name in zip(made_of, SKELETON_TABLES, strict=True):
+    made_of = [plan.table(name) for name in results.SKELETON_TABLES]
+    for path, name in zip(made_of, results.SKELETON_TABLES, strict=True):
         part_metadata(path, TABLES[name])  # raises an error if it is a different table
     files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
     provenance = subject_stage.provenance_of(plan, made_of, files)
@@ -52,4 +50,4 @@ main = subject_stage.script(build_parser, evaluate, WRITES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

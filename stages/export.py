@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import SKELETON_TABLES
+from shukotsu.study import results, subject_stage
 
-TABLES = ("findings", *SKELETON_TABLES)
+TABLES = ("findings", *results.SKELETON_TABLES)
 POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")
 
 
@@ -59,4 +57,4 @@ main = command_line.script(build_parser, export, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from shukotsu import command_line
@@ -33,4 +32,4 @@ main = command_line.script(build_parser, write)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

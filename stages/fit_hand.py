@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import FIT_TABLES
+from shukotsu.study import results, subject_stage
 
 if TYPE_CHECKING:
     from shukotsu.fit.calibration import Fits
     from shukotsu.tables.parts import Part
 
-WRITES = {"out": FIT_TABLES}
+WRITES = {"out": results.FIT_TABLES}
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -37,9 +35,8 @@ def build_parser() -> argparse.ArgumentParser:
         sheets=("measurements", "touches"),
     )
     command_line.add_outputs(parser, WRITES)
-    parser.add_argument(
-        "--out-other", type=Path, help="also fit the person's other hand, and write its tables to this folder"
-    )
+    other = "also fit the person's other hand, and write its tables to this folder"
+    parser.add_argument("--out-other", type=Path, help=other)
     return parser
 
 
@@ -84,4 +81,4 @@ main = subject_stage.script(build_parser, fit, WRITES, parts, each_hand)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

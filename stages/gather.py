@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from functools import partial
 
 from shukotsu import command_line
@@ -28,4 +27,4 @@ main = command_line.script(build_parser, gather)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
-from shukotsu.study import subject_stage
-from shukotsu.study.results import MEASURED_TABLES, SKELETON_TABLES
+from shukotsu.study import results, subject_stage
 
 if TYPE_CHECKING:
     from shukotsu.tables.parts import Part
 
-WRITES = {"out": MEASURED_TABLES}
+WRITES = {"out": results.MEASURED_TABLES}
 POSED = ("joint_angles", "posed_tips", "bone_poses")
 
 
@@ -27,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--joint-centres joint_centres.parquet --bone-lengths bone_lengths.parquet "
         "--metacarpals metacarpals.parquet --layout liberty16 --model paper-fig4 --out measured",
     )
-    tables = ("findings", *SKELETON_TABLES, *POSED, "moved_receivers", "events", "clocks")
+    tables = ("findings", *results.SKELETON_TABLES, *POSED, "moved_receivers", "events", "clocks")
     subject_stage.add_plan_options(parser, *tables, calibration="--calibration", evaluated="--poses")
     command_line.add_outputs(parser, WRITES)
     return parser
@@ -38,7 +36,7 @@ def measure(arguments: argparse.Namespace) -> None:
     from shukotsu.movement.movement_rows import measure_hand
 
     plan = subject_stage.plan_of(arguments)
-    made_of = [plan.table(name) for name in SKELETON_TABLES]
+    made_of = [plan.table(name) for name in results.SKELETON_TABLES]
     made_of += [plan.table(name, *fit) for name in POSED for fit in plan.fits_of_hands()]
     files = [*subject_stage.poses_files(plan), *arguments.events, *arguments.clocks]
     provenance = subject_stage.provenance_of(plan, made_of, files)
@@ -58,4 +56,4 @@ main = subject_stage.script(build_parser, measure, WRITES, parts)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -20,13 +20,11 @@ def build_parser() -> argparse.ArgumentParser:
     )
     command_line.add_study_options(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the figures go")
-    parser.add_argument(
-        "--recording",
-        nargs=3,
-        metavar=("SUBJECT", "HAND", "NAME"),
-        help="draw this recording instead, e.g. 01 right opposition (with a trial: opposition_2), into "
-        "FOLDER/sub-SUBJECT/HAND/NAME",
+    one = (
+        "draw this recording instead, e.g. 01 right opposition (with a trial: opposition_2), into "
+        "FOLDER/sub-SUBJECT/HAND/NAME"
     )
+    parser.add_argument("--recording", nargs=3, metavar=("SUBJECT", "HAND", "NAME"), help=one)
     return parser
 
 
@@ -76,4 +74,4 @@ main = command_line.script(build_parser, draw, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,37 +20,32 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage simulate --subject 01 --hand right --task opposition --seed 7 "
         "--anatomy ct --out sub-01_hand-right_task-opposition.parquet",
     )
-    parser.add_argument("--subject", required=True, help="any name; it and the seed determine the person")
-    parser.add_argument("--session", default="", help="any name; receivers are put on anew in each session")
-    parser.add_argument("--hand", required=True, choices=("right", "left"))
-    parser.add_argument("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
-    parser.add_argument("--seed", type=int, default=0, help="equal seeds give equal bytes (default: 0)")
-    parser.add_argument("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
-    parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
-    parser.add_argument("--frames", type=int, help="number of frames (default: opposition 3774, rom 7200)")
+    add = parser.add_argument
+    add("--subject", required=True, help="any name; it and the seed determine the person")
+    add("--session", default="", help="any name; receivers are put on anew in each session")
+    add("--hand", required=True, choices=("right", "left"))
+    add("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
+    add("--seed", type=int, default=0, help="equal seeds give equal bytes (default: 0)")
+    add("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
+    add("--forearm", action="store_true", help="wear a receiver on the forearm too")
+    add("--frames", type=int, help="number of frames (default: opposition 3774, rom 7200)")
     # an option for each real-world effect; --realism sets those that are not given
-    group = parser.add_argument_group("realism")
-    group.add_argument(
-        "--realism",
-        choices=("full", "exact"),
-        default="full",
-        help="exact: every assumption of the paper holds to rounding (default: full)",
+    add = parser.add_argument_group("realism").add_argument
+    exact = "exact: every assumption of the paper holds to rounding (default: full)"
+    add("--realism", choices=("full", "exact"), default="full", help=exact)
+    drawn_from = (
+        "mean of the hands that the person is drawn from: a random blend of published hands, or one of them "
+        "(default: blend)"
     )
-    group.add_argument(
-        "--anatomy",
-        choices=ANATOMIES,
-        help="mean of the hands that the person is drawn from: a random blend of published hands, or one of "
-        "them (default: blend)",
-    )
+    add("--anatomy", choices=ANATOMIES, help=drawn_from)
     for name, what in (
         ("mounts", "how far receivers are misplaced"),
         ("artefact", "how far skin moves receivers"),
         ("faults", "how often the tracker loses poses, mistakes the hemisphere and jumps"),
     ):
         usual = 0 if name == "faults" else 1
-        group.add_argument(
-            f"--{name}", type=_scale, help=f"{what}, relative to what is usual (default: {usual}; exact: 0)"
-        )
+        relative = f"{what}, relative to what is usual (default: {usual}; exact: 0)"
+        add(f"--{name}", type=_scale, help=relative)
     return parser
 
 
@@ -92,4 +86,4 @@ main = command_line.script(build_parser, write_simulation)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

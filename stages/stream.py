@@ -39,4 +39,4 @@ main = command_line.script(build_parser, stream)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from shukotsu import command_line
@@ -16,16 +15,12 @@ def build_parser() -> argparse.ArgumentParser:
         "Write a subject's pages of the report: one for the subject, and one for each recording.",
         "shukotsu stage subject_pages --plan results/demo/sub-01/plan.json --out results/demo/report/sub-01",
     )
-    parser.add_argument("--plan", type=Path, required=True, metavar="JSON", help="the subject's plan")
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="FOLDER", help="where the pages go: subject.html and more"
-    )
-    parser.add_argument(
-        "--language",
-        default="en",
-        metavar="CODE",
-        help="the pages' language, as in the study file (default: en)",
-    )
+    add = parser.add_argument
+    add("--plan", type=Path, required=True, metavar="JSON", help="the subject's plan")
+    pages = "where the pages go: subject.html and more"
+    add("--out", type=Path, required=True, metavar="FOLDER", help=pages)
+    language = "the pages' language, as in the study file (default: en)"
+    add("--language", default="en", metavar="CODE", help=language)
     return parser
 
 
@@ -47,4 +42,4 @@ main = command_line.script(build_parser, write_pages, record_failure)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -28,18 +28,13 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
     )
-    parser.add_argument(
-        "file", nargs="?", type=Path, default=USUAL, metavar="STUDY_OR_RECORDING", help=f"default: {USUAL}"
-    )
-    recording = parser.add_argument_group("for a recording")
-    recording.add_argument("--hand", choices=("right", "left"), help="which hand it shows")
-    recording.add_argument("--layout", default="liberty16", help="a layout that ships, or a path (liberty16)")
-    recording.add_argument(
-        "--mapping", type=Path, help="how to read a file of another program, as `shukotsu inspect` drafts it"
-    )
-    recording.add_argument(
-        "--repair-hemisphere", action="store_true", help="correct positions on the transmitter's wrong side"
-    )
+    add = parser.add_argument
+    add("file", nargs="?", type=Path, default=USUAL, metavar="STUDY_OR_RECORDING", help=f"default: {USUAL}")
+    add = parser.add_argument_group("for a recording").add_argument
+    add("--hand", choices=("right", "left"), help="which hand it shows")
+    add("--layout", default="liberty16", help="a layout that ships, or a path (liberty16)")
+    add("--mapping", type=Path, help="how to read a file of another program, as `shukotsu inspect` drafts it")
+    add("--repair-hemisphere", action="store_true", help="correct positions on the transmitter's wrong side")
     return parser
 
 

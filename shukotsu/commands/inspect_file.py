@@ -25,12 +25,11 @@ def build_parser() -> argparse.ArgumentParser:
         "Describe what is in a file, which units it seems to use, and why.",
         "shukotsu inspect old.csv --write-mapping mapping.yaml",
     )
-    parser.add_argument("file", type=Path, help="a recording, or a table of this project")
-    parser.add_argument(
-        "--write-mapping", type=Path, help="write a mapping to edit; unknown values are written as CHECK"
-    )
-    parser.add_argument("--hand", choices=("right", "left"), help="which hand (default: as the poses look)")
-    parser.add_argument("--layout", default="liberty16", help="a layout that ships, or a path: its segments")
+    add = parser.add_argument
+    add("file", type=Path, help="a recording, or a table of this project")
+    add("--write-mapping", type=Path, help="write a mapping to edit; unknown values are written as CHECK")
+    add("--hand", choices=("right", "left"), help="which hand (default: as the poses look)")
+    add("--layout", default="liberty16", help="a layout that ships, or a path: its segments")
     return parser
 
 

@@ -40,25 +40,16 @@ def build_parser() -> argparse.ArgumentParser:
         "Existing files are never overwritten.",
         "shukotsu new piano --recordings captures",
     )
-    parser.add_argument(
-        "folder",
-        type=Path,
-        metavar="FOLDER",
-        help="the folder; the study is named after it (letters, digits, - and _)",
+    add = parser.add_argument
+    named = "the folder; the study is named after it (letters, digits, - and _)"
+    add("folder", type=Path, metavar="FOLDER", help=named)
+    drafted = (
+        "a folder of recordings: a row is drafted for each from its name (P01_L_calib), and a mapping for "
+        "those of another program"
     )
-    parser.add_argument(
-        "--recordings",
-        type=Path,
-        metavar="FILES",
-        help="a folder of recordings: a row is drafted for each from its name (P01_L_calib), and a mapping "
-        "for those of another program",
-    )
-    parser.add_argument(
-        "--layout", default="liberty16", help="a layout that ships, or a path (default: liberty16)"
-    )
-    parser.add_argument(
-        "--language", choices=STUDY, default="en", help="of the comments and of the report (default: en)"
-    )
+    add("--recordings", type=Path, metavar="FILES", help=drafted)
+    add("--layout", default="liberty16", help="a layout that ships, or a path (default: liberty16)")
+    add("--language", choices=STUDY, default="en", help="of the comments and of the report (default: en)")
     return parser
 
 

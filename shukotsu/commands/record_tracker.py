@@ -60,13 +60,10 @@ def record_tracker(options: argparse.Namespace) -> None:
         return
     if options.port is None:
         raise InputError("--port: is missing; `shukotsu record --devices` lists those there are")
+    stations = None if options.stations is None else conversation.parse_stations(options.stations)
+    hemisphere, is_short = conversation.parse_hemisphere(options.hemisphere), options.items == "short"
     request = conversation.RecordingRequest(
-        options.tracker,
-        options.items == "short",
-        options.rate,
-        None if options.stations is None else conversation.parse_stations(options.stations),
-        conversation.parse_hemisphere(options.hemisphere),
-        options.no_filters,
+        options.tracker, is_short, options.rate, stations, hemisphere, options.no_filters
     )
     if options.duration is not None and not 0 < options.duration < 1e6:
         raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
@@ -81,14 +78,10 @@ def record_tracker(options: argparse.Namespace) -> None:
                     print(line, flush=True)
                 return
             other = ("out", "note", "devices", "ask")
-            about = {
-                "options": {name: value for name, value in vars(options).items() if name not in other},
-                "notes": options.note,
-                "opened_utc": datetime.now(UTC).isoformat(),
-            }
-            plan = session.RecordingPlan(
-                options.out, request, options.duration, tuple(options.note), options.quiet
-            )
+            stated = {name: value for name, value in vars(options).items() if name not in other}
+            about = {"options": stated, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
+            notes = tuple(options.note)
+            plan = session.RecordingPlan(options.out, request, options.duration, notes, options.quiet)
             ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
         finally:
             port.close()

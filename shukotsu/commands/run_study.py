@@ -20,7 +20,7 @@ from shukotsu import command_line
 from shukotsu.commands import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.resources import ROOT
-from shukotsu.workflow import one_run, progress
+from shukotsu.workflow import one_run
 
 SNAKEFILE = ROOT / "Snakefile"
 UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
@@ -70,7 +70,7 @@ def run_study(arguments: argparse.Namespace) -> int:
         command += ["--quiet", "rules" if arguments.dry_run else "reason"]
     command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else []), *arguments.more]
     print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
-    os.environ[progress.SHOWN] = progress.EVERYTHING if arguments.verbose else progress.PROGRESS
+    os.environ[one_run.SHOWN] = one_run.EVERYTHING if arguments.verbose else one_run.PROGRESS
     status = _run(command, lock, CLUSTER_GRACE_S if arguments.more else GRACE_S)
     report = files.results.folder / "report.html"
     if status:

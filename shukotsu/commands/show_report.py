@@ -18,12 +18,8 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu report study.yaml --print",
     )
     add_study(parser)
-    parser.add_argument(
-        "--print",
-        action="store_true",
-        dest="to_terminal",
-        help="print the three numbers and the sentence that it begins with, and the most severe problems",
-    )
+    outcome = "print the three numbers and the sentence that it begins with, and the most severe problems"
+    parser.add_argument("--print", action="store_true", dest="to_terminal", help=outcome)
     parser.add_argument("--open", action="store_true", help="open it in the browser")
     return parser
 

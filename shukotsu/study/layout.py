@@ -21,6 +21,8 @@ from shukotsu.study.config_files import config_path, read_config
 from shukotsu.tables.whole_files import file_state
 
 Vector = tuple[float, float, float]
+Entries = dict[str, dict[str, Any]]
+"""Entries of a layout file by name."""
 
 FINGER_MM, ARM_MM = 2.0, 10.0
 """Default accuracy required of a joint's centre: for a hand, a fifth of a finger's thickness; for thicker
@@ -240,9 +242,9 @@ def _check_receivers(segments: dict[str, Segment], where: str) -> None:
                 seen[number] = segment.name
 
 
-def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, dict[str, Any]]:
+def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> Entries:
     """Return each child segment's joint. Raises InputError unless the joints form a tree."""
-    joint_to: dict[str, dict[str, Any]] = {}
+    joint_to: Entries = {}
     for name, part in config["joints"].items():
         for end in ("parent", "child"):
             if part[end] not in segments:
@@ -261,11 +263,7 @@ def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> d
 
 
 def _joint(
-    name: str,
-    part: dict[str, Any],
-    segments: dict[str, Segment],
-    joint_to: dict[str, dict[str, Any]],
-    where: str,
+    name: str, part: dict[str, Any], segments: dict[str, Segment], joint_to: Entries, where: str
 ) -> Joint:
     above, compound = part["parent"], False
     while not segments[above].measured:
@@ -280,15 +278,8 @@ def _joint(
         raise InputError(f"{where}: joints.{name}.plane.normal: has no length")
     segment = segments[above if frame == "parent" else part["child"]]
     point = _vector(plane.get("point_mm", [0, 0, 0]))
-    return Joint(
-        name,
-        part["parent"],
-        part["child"],
-        above,
-        part["dof"],
-        Plane(frame, point, normal or segment.lateral),
-        compound,
-    )
+    cut = Plane(frame, point, normal or segment.lateral)
+    return Joint(name, part["parent"], part["child"], above, part["dof"], cut, compound)
 
 
 def _digit(

@@ -62,16 +62,10 @@ def mapping_from_config(loaded: Any, where: str, hand: str = "right") -> FileMap
         others = {key: value for key, value in loaded.items() if key != "left_receivers"}
         of_left = mapping_from_config(others | {"receivers": loaded["left_receivers"]}, where)
         return of_left if hand == "left" else replace(of_left, receivers=config["receivers"])
-    return FileMapping(
-        where,
-        config["format"],
-        MM_PER_UNIT[config["position_unit"]],
-        config.get("rate_hz"),
-        config.get("orientation"),
-        config["receivers"],
-        tuple(config["fixed"]),
-        config,
-    )
+    mm_per_unit, fixed = MM_PER_UNIT[config["position_unit"]], tuple(config["fixed"])
+    rate_hz, orientation = config.get("rate_hz"), config.get("orientation")
+    receivers = config["receivers"]
+    return FileMapping(where, config["format"], mm_per_unit, rate_hz, orientation, receivers, fixed, config)
 
 
 _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")

@@ -15,12 +15,9 @@ from shukotsu.study.model import SkeletonModel
 from shukotsu.study.results import FIT_TABLES, table_in
 from shukotsu.study.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
 from shukotsu.study.study import SIZES, Recording, Source
-from shukotsu.tables.catalogue import FINDINGS
+from shukotsu.tables import catalogue, subjects, typed_table, whole_files
 from shukotsu.tables.parts import Part, parts_in
 from shukotsu.tables.poses import one_hand, recording_name
-from shukotsu.tables.subjects import Hand, SubjectSession
-from shukotsu.tables.typed_table import read_table, rows_of
-from shukotsu.tables.whole_files import remedy_of
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class SubjectPlan:
     """
 
     study: str
-    who: SubjectSession
+    who: subjects.SubjectSession
     folder: Path
     sizes_mm: Mapping[str, float | None]
     factors: Mapping[str, str]
@@ -74,9 +71,9 @@ class SubjectPlan:
     named_tables: Mapping[tuple[str, str, str], Path] | None = None
     named_poses: Mapping[tuple[str, str, str], Path] | None = None
 
-    def hand(self, side: str) -> Hand:
+    def hand(self, side: str) -> subjects.Hand:
         """Return the subject's hand of this side (right or left)."""
-        return Hand(self.who.subject, side, self.who.session)
+        return subjects.Hand(self.who.subject, side, self.who.session)
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -190,14 +187,14 @@ class SubjectPlan:
             key = recordings.get((in_file.of_hand, in_file.task, in_file.trial))
             if key is None or key in files:
                 reason = "which the plan lacks" if key is None else f"as {files[key]} is"
-                raise TableError(f"{path}: is of {in_file}, {reason}; {remedy_of(path)}")
+                raise TableError(f"{path}: is of {in_file}, {reason}; {whole_files.remedy_of(path)}")
             files[key] = path
         return replace(self, named_tables=named, named_poses=files if poses else self.named_poses)
 
     def checked(self, findings: Path) -> SubjectPlan:
         """Return the plan with the refusals and suspicions of the subject's findings table."""
         reasons: dict[tuple[str, ...], str] = {}
-        for row in rows_of(read_table(findings, FINDINGS)):
+        for row in typed_table.rows_of(typed_table.read_table(findings, catalogue.FINDINGS)):
             key = row["severity"], row["hand"], row["task"], row["trial"]
             reasons.setdefault(key, row["message"])
         refused = {

@@ -28,28 +28,10 @@ from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.results import GATHERED_TABLES, SUBJECT_TABLES
 from shukotsu.study.study import Recording
 from shukotsu.study.verdict import TOO_CLOSE, doubts_of
-from shukotsu.tables.catalogue import (
-    CLOCKS,
-    FINDINGS,
-    JOINT_CENTRES,
-    MOVED_RECEIVERS,
-    POSES,
-    RECEIVERS,
-    RECORDINGS,
-    TABLES,
-)
+from shukotsu.tables import typed_table
+from shukotsu.tables.catalogue import FINDINGS, POSES, RECORDINGS, TABLES, table_in
 from shukotsu.tables.device_clock import device_clock
 from shukotsu.tables.parts import part_metadata
-from shukotsu.tables.typed_table import (
-    Table,
-    column_array,
-    key_of,
-    read_metadata,
-    read_row_groups,
-    read_table,
-    rows_of,
-    vector_of,
-)
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import ProblemsRow, ReceiversRow, RecordingsRow
@@ -76,28 +58,27 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
         where = {**vars(recording.hand), "task": recording.title}
         problems += [problem_row("capture", finding, **where) for finding in findings]
         recordings.append(row)
-    by_name = {key_of(row, RECORDINGS.key): row for row in recordings}
-    for finding in rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)):
-        row = by_name[key_of(finding, RECORDINGS.key)]
+    by_name = {typed_table.key_of(row, RECORDINGS.key): row for row in recordings}
+    for finding in typed_table.rows_of(typed_table.read_table(plan.table("findings"), FINDINGS)):
+        row = by_name[typed_table.key_of(finding, RECORDINGS.key)]
         if finding["severity"] == REFUSED and row["status"] == "used":
             row |= {"status": REFUSED, "message": finding["message"]}
         problems.append(problem_of(finding))
     tables = {}
     accepted = {(recording.hand.hand, recording.title): recording.accept for recording in plan.recordings}
     problems_of_rows: dict[str, Callable[[pa.Table, Accepted], list[ProblemsRow]]] = {
-        RECEIVERS.name: _receiver_problems,
-        MOVED_RECEIVERS.name: _moved_problems,
-        CLOCKS.name: _clock_problems,
-        JOINT_CENTRES.name: _joint_problems,
+        "receivers": _receiver_problems,
+        "moved_receivers": _moved_problems,
+        "clocks": _clock_problems,
+        "joint_centres": _joint_problems,
     }
     for name in GATHERED_TABLES:
-        stage = SUBJECT_TABLES.get(name, "fit_hand")
         table, parts = TABLES[name], [TABLES[name].arrow_schema({}).remove_metadata().empty_table()]
         for file in plan.files_of(name):
-            rows = read_table(file, table)
+            rows = typed_table.read_table(file, table)
             whole = "made_without" in table.key
             parts.append(rows.filter(pc.equal(rows.column("made_without"), "")) if whole else rows)
-            problems += part_problems(plan, file, table, stage)
+            problems += part_problems(plan, file, name)
         tables[name] = pa.concat_tables([part.replace_schema_metadata() for part in parts])
         if name in problems_of_rows:
             problems += problems_of_rows[name](tables[name], accepted)
@@ -108,9 +89,13 @@ def subject_tables(plan: SubjectPlan) -> SubjectTables:
     return SubjectTables(recordings, problems, tables)
 
 
-def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[ProblemsRow]:
-    """Yield a problem for each part of a table that failed or that its stage wrote a note to."""
-    for part, parameters in part_metadata(file, table).items():
+def part_problems(plan: SubjectPlan, file: Path, name: str) -> Iterator[ProblemsRow]:
+    """Yield a problem for each part of a table that failed or that its stage wrote a note to.
+
+    name : the table's name in SUBJECT_TABLES or FIT_TABLES.
+    """
+    stage = SUBJECT_TABLES.get(name, "fit_hand")
+    for part, parameters in part_metadata(file, table_in(name)).items():
         where = {**vars(plan.hand(part.hand)), "model": part.model}
         kind = "skeleton" if part.model else "hand"
         for name, severity in (("failure", REFUSED), ("note", NOTE)):
@@ -135,11 +120,11 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Problems
     """
     problems = []
     in_field: dict[tuple[str, ...], list[ReceiversRow]] = {}
-    for row in rows_of(receivers):
+    for row in typed_table.rows_of(receivers):
         if not row["message"] or row["status"] == "failed":
             continue
         if row["loose_kind"] == "field":
-            in_field.setdefault(key_of(row, OF_A_MODEL), []).append(row)
+            in_field.setdefault(typed_table.key_of(row, OF_A_MODEL), []).append(row)
             continue
         values = {"segment": row["segment"], "text": row["message"]}
         severity = severity_of_loss(100 * (row["left_out_share"] or 0.0))
@@ -163,7 +148,7 @@ def _moved_problems(moved: pa.Table, accepted: Accepted) -> list[ProblemsRow]:
     """
     return [
         _problem_of_hand(row, moved_finding(row).accept(accepted.get((row["hand"], title_of(row)), "")))
-        for row in rows_of(moved)
+        for row in typed_table.rows_of(moved)
     ]
 
 
@@ -176,7 +161,7 @@ def _problem_of_hand(row: Mapping[str, Any], finding: Finding, stage: str = "fit
 def _field_values(rows: Sequence[ReceiversRow]) -> dict[str, Any]:
     """Summarise a disturbed field's effect on the receivers it affects, given their rows."""
     return {
-        **dict(zip("xyz", vector_of(rows[0], "field_", "_mm").tolist(), strict=True)),
+        **dict(zip("xyz", typed_table.vector_of(rows[0], "field_", "_mm").tolist(), strict=True)),
         "count": len(rows),
         "mm": max(row["loose_shift_mm"] for row in rows),
         "deg": max(row["loose_turn_deg"] for row in rows),
@@ -187,22 +172,19 @@ def _field_values(rows: Sequence[ReceiversRow]) -> dict[str, Any]:
 
 def _joint_problems(joints: pa.Table, _: Accepted) -> list[ProblemsRow]:
     """Return a problem for each MCP centre that is closer to its neighbour than in any hand, by model."""
-    return [
-        problem_row(
-            "estimate_metacarpals",
-            Finding(TOO_CLOSE, NOTE, "", values),
-            **{key: row[key] for key in OF_A_MODEL},
-        )
-        for row in rows_of(joints)
-        if (values := doubts_of(row).get(TOO_CLOSE))
-    ]
+    problems = []
+    for row in typed_table.rows_of(joints):
+        if values := doubts_of(row).get(TOO_CLOSE):
+            finding, keys = Finding(TOO_CLOSE, NOTE, "", values), {key: row[key] for key in OF_A_MODEL}
+            problems.append(problem_row("estimate_metacarpals", finding, **keys))
+    return problems
 
 
 def _clock_problems(clocks: pa.Table, _: Accepted) -> list[ProblemsRow]:
     """Return a problem for each recording whose events were not read or whose clock is uncertain."""
     return [
         _problem_of_hand(row, finding_of_text("events", NOTE, row["message"]), "align_events")
-        for row in rows_of(clocks)
+        for row in typed_table.rows_of(clocks)
         if row["status"] in ("weak", "failed")
     ]
 
@@ -229,7 +211,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[RecordingsRow, lis
     except InputError as error:
         failed = finding_of_text("recording", REFUSED, str(error))
         return row | {"status": "failed", "message": failed.message}, [failed]
-    parameters = read_metadata(poses)["parameters"]
+    parameters = typed_table.read_metadata(poses)["parameters"]
     notes, absent, losses = (_texts(poses, parameters, name) for name in ("notes", "absent", "losses"))
     missing = parameters.get("missing_frames", 0)
     if not isinstance(missing, int):
@@ -266,7 +248,7 @@ def sum_poses(poses: Path) -> tuple[int, dict[str, int], Array]:
     Returns the two counts and time_s (T,): each frame's time in the first segment that has one, else NaN.
     """
     n_rows, n_valid, seen, time_s = 0, dict[str, int](), dict[str, int](), np.zeros(0)
-    for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
+    for rows in typed_table.read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
         n_rows += rows.num_rows
         for segment in pc.unique(rows["segment"]).to_pylist():
             of_segment = rows.filter(pc.equal(rows["segment"], segment))
@@ -274,6 +256,6 @@ def sum_poses(poses: Path) -> tuple[int, dict[str, int], Array]:
             n_valid[segment] = n_valid.get(segment, 0) + pc.sum(of_segment["valid"]).as_py()
             time_s = np.concatenate([time_s, np.full(max(0, end - len(time_s)), np.nan)])
             times = time_s[start:end]
-            np.copyto(times, column_array(of_segment, "time_s"), where=np.isnan(times))
+            np.copyto(times, typed_table.column_array(of_segment, "time_s"), where=np.isnan(times))
             seen[segment] = end
     return n_rows, n_valid, time_s

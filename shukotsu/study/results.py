@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,39 +13,27 @@ if TYPE_CHECKING:
 MEASURED_TABLES = ("ranges_of_motion", "fingertip_paths", "movement_cycles", "cycle_curves", "event_strokes")
 """Tables of a subject's movement."""
 
+SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
+TRUTH_TABLES = (*SKELETON_TABLES, "tips")
+"""Tables of true values that accompany a simulated recording."""
+
 SUBJECT_TABLES = {
     "findings": "check_recordings",
-    "events": "align_events",
-    "clocks": "align_events",
+    **dict.fromkeys(("events", "clocks"), "align_events"),
     "joint_solutions": "solve_joints",
     "projected_joints": "project_planes",
-    "joint_centres": "estimate_metacarpals",
-    "bone_lengths": "estimate_metacarpals",
-    "metacarpals": "estimate_metacarpals",
-    "tips": "evaluate_tips",
-    "tip_errors": "evaluate_tips",
-    "skeleton_scores": "evaluate_skeletons",
-    "joint_errors": "evaluate_skeletons",
+    **dict.fromkeys(SKELETON_TABLES, "estimate_metacarpals"),
+    **dict.fromkeys(("tips", "tip_errors"), "evaluate_tips"),
+    **dict.fromkeys(("skeleton_scores", "joint_errors"), "evaluate_skeletons"),
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
 """Tables of a subject, with both hands and all models, and the rule that writes each."""
 
 FIT_TABLES = (
-    "fitted_joints",
-    "fitted_bones",
-    "receivers",
-    "moved_receivers",
-    "gains",
-    "length_pulls",
-    "joint_angles",
-    "bone_poses",
-    "posed_tips",
+    *("fitted_joints", "fitted_bones", "receivers", "moved_receivers", "gains", "length_pulls"),
+    *("joint_angles", "bone_poses", "posed_tips"),
 )
 """Tables written once per hand and model by a fit of the whole hand."""
-
-SKELETON_TABLES = ("joint_centres", "bone_lengths", "metacarpals")
-TRUTH_TABLES = (*SKELETON_TABLES, "tips")
-"""Tables of true values that accompany a simulated recording."""
 
 GATHERED_TABLES = (
     *("joint_centres", "bone_lengths", "tip_errors", "receivers", "moved_receivers", "gains"),
@@ -90,26 +77,30 @@ FAILED_PAGES = "failed.txt"
 """File that lists which of a subject's pages could not be made and why, one per line."""
 
 
-@dataclass(frozen=True)
 class Results:
-    """The results folder of one study: in a run, results/NAME in the working directory."""
+    """The results folder of one study: in a run, results/NAME in the working directory.
 
-    folder: Path
+    Attributes
+    ----------
+    report
+        The study's report.
+    resolved
+        The resolved study: its file, layouts and models with all defaults filled in.
+    figures
+        Folder of the study's figures for print.
+    exports
+        Folder of all skeletons and their motion in the formats of other programs.
+    new_dataset, tidy_tables
+        Folders in which the Motion-BIDS dataset and the CSV files of the study's tables are made, before they
+        are collected in `exports` as `bids` and `tables`.
 
-    @property
-    def report(self) -> Path:
-        """The study's report."""
-        return self.folder / "report.html"
+    """
 
-    @property
-    def figures(self) -> Path:
-        """Folder of the study's figures for print."""
-        return self.folder / "figures"
-
-    @property
-    def resolved(self) -> Path:
-        """The resolved study: its file, layouts and models with all defaults filled in."""
-        return self.folder / "resolved.yaml"
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.report, self.resolved = folder / "report.html", folder / "resolved.yaml"
+        self.figures, self.exports = folder / "figures", folder / "exports"
+        self.new_dataset, self.tidy_tables = folder / "dataset", folder / "tidy"
 
     def subject(self, subject: str, session: str = "") -> Path:
         """Return the folder of a subject's plan and tables, for one session if the study has sessions."""
@@ -119,24 +110,9 @@ class Results:
         """Return the file of a subject's plan."""
         return self.subject(subject, session) / "plan.json"
 
-    @property
-    def exports(self) -> Path:
-        """Folder of all skeletons and their motion in the formats of other programs."""
-        return self.folder / "exports"
-
     def subject_exports(self, subject: str, session: str = "") -> Path:
         """Return the folder in which a subject's exports are made, before they are collected in `exports`."""
         return self.subject(subject, session) / "exports"
-
-    @property
-    def new_dataset(self) -> Path:
-        """Folder in which the Motion-BIDS dataset is made, before it is collected in `exports` as `bids`."""
-        return self.folder / "dataset"
-
-    @property
-    def tidy_tables(self) -> Path:
-        """Folder in which CSV files of the study's tables are made, before they are collected as `tables`."""
-        return self.folder / "tidy"
 
     def subject_pages(self, subject: str, session: str = "") -> Path:
         """Return the folder of the report's pages of one subject."""

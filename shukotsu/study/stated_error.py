@@ -46,9 +46,8 @@ def halves_mm2(covariance_mm2: Any, sd_mm: float) -> tuple[Array, Array]:
         ball = sd_mm**2 / 3 * np.eye(3)
         return ball, ball
     whole = np.reshape(np.asarray(covariance_mm2, float), (6, 6))
-    parent, child = (
-        np.full((3, 3), np.nan) if not np.trace(h) else h for h in (whole[:3, :3], whole[3:, 3:])
-    )
+    halves = whole[:3, :3], whole[3:, 3:]
+    parent, child = (half if np.trace(half) else np.full((3, 3), np.nan) for half in halves)
     return parent, child
 
 

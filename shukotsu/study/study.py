@@ -259,18 +259,9 @@ def read_study(path: Path) -> Study:
     _check_factors(config["factors"], recordings, rows["participants"], where)
     if "events" in sheets:
         _check_events(sheets["events"], rows["events"], recordings, unusable)
-    return Study(
-        config["study"],
-        recordings,
-        models,
-        layout,
-        tuple(config["exports"]),
-        settings | {"models": settings["models"] or list(models)},
-        simulation,
-        sheets,
-        config,
-        unusable,
-    )
+    name, exports = config["study"], tuple(config["exports"])
+    settings = settings | {"models": settings["models"] or list(models)}
+    return Study(name, recordings, models, layout, exports, settings, simulation, sheets, config, unusable)
 
 
 def _no_hand(row: Row, hands: Iterable[Hand]) -> str:

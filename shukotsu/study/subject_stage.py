@@ -67,9 +67,8 @@ def add_plan_options(
         The sizes of the hand (SIZES) and the sheets (HAND_SHEETS) that the stage uses.
 
     """
-    parser.add_argument(
-        "--plan", type=Path, help="the subject's plan, in place of the options of a hand alone"
-    )
+    in_place = "the subject's plan, in place of the options of a hand alone"
+    parser.add_argument("--plan", type=Path, help=in_place)
     of_plan = "; with --plan all of the subject's (default: those that it names)"
     for dest, option, help_text in (
         ("calibration", calibration, "poses files that the joints are solved from"),
@@ -95,15 +94,10 @@ def add_tables(parser: argparse.ArgumentParser, *tables: str) -> None:
     """Add an option for each of the named tables of a subject."""
     parser.set_defaults(tables=tables)
     for name in tables:
-        is_of_fit = name not in _TABLES
-        parser.add_argument(
-            command_line.option_of(name),
-            type=Path,
-            nargs="*" if is_of_fit else 1,
-            default=[],
-            metavar="FILE",
-            help=f"{name} of every fit_hand, in any order" if is_of_fit else _TABLES[name],
-        )
+        number = 1 if name in _TABLES else "*"
+        what = _TABLES.get(name, f"{name} of every fit_hand, in any order")
+        option = command_line.option_of(name)
+        parser.add_argument(option, type=Path, nargs=number, default=[], metavar="FILE", help=what)
 
 
 def plan_of(arguments: argparse.Namespace) -> SubjectPlan:

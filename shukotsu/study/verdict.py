@@ -169,9 +169,8 @@ _BY_NUMBERS = frozenset({UNCERTAIN, ONE_WAY, NO_ERROR, HALVES, MOVED_LITTLE, AXI
 def _by_numbers(row: Mapping[str, Any], wanted_mm: float) -> dict[str, Values]:
     """Return the doubts about a joint's centre that follow from the numbers in its row alone."""
     doubts = _error(row.get("sd_mm"), row.get("covariance_mm2"), wanted_mm)
-    gap_mm, range_deg, axis_sd_deg = (
-        _number(row.get(name)) for name in ("gap_rms_mm", "range_deg", "axis_sd_deg")
-    )
+    names = ("gap_rms_mm", "range_deg", "axis_sd_deg")
+    gap_mm, range_deg, axis_sd_deg = (_number(row.get(name)) for name in names)
     if gap_mm is not None and gap_mm > WIDE_GAP_TIMES * wanted_mm:
         doubts[HALVES] = {"gap_mm": gap_mm}
     if range_deg is not None and range_deg < LITTLE_RANGE_DEG:

@@ -19,9 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.tables.limits import check_expansion, check_regular
-from shukotsu.tables.text_files import reading
-from shukotsu.tables.whole_files import file_state, remedy_of
+from shukotsu.tables import limits, text_files, whole_files
 
 _MARK = b"SHUKOTSU SHA-256"
 _DIGEST_BYTES = 32
@@ -71,12 +69,7 @@ def _footer_at(stream: BinaryIO) -> int:
     return end - _END_BYTES - int.from_bytes(stream.read(4), "little")
 
 
-def open_parquet(
-    path: Path,
-    expected: str,
-    remedy: str = "",
-    buffer_size: int = 0,
-) -> pq.ParquetFile:
+def open_parquet(path: Path, expected: str, remedy: str = "", buffer_size: int = 0) -> pq.ParquetFile:
     """Open a Parquet file for reading in parts.
 
     Parameters
@@ -100,9 +93,9 @@ def open_parquet(
 
     """
     try:
-        with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
-            check_regular(path, expected)
-            if _digest_holds(path, *file_state(path)) is False:
+        with text_files.reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
+            limits.check_regular(path, expected)
+            if _digest_holds(path, *whole_files.file_state(path)) is False:
                 raise ValueError("its checksum does not match")
             file = pq.ParquetFile(
                 path,
@@ -111,7 +104,7 @@ def open_parquet(
                 page_checksum_verification=True,
             )
         declared_bytes = _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns
-        check_expansion(path, declared_bytes, lambda: remedy or remedy_of(path))
+        limits.check_expansion(path, declared_bytes, lambda: remedy or whole_files.remedy_of(path))
     except InputError as refused:
         raise TableError(refused.message) from refused
     return file
@@ -126,12 +119,12 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
         raise
     except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # pyarrow's C++: RuntimeError
         reason = getattr(damage, "strerror", None) or damage
-        raise TableError(f"{path}: {what} ({reason}); {remedy or remedy_of(path)}") from damage
+        raise TableError(f"{path}: {what} ({reason}); {remedy or whole_files.remedy_of(path)}") from damage
 
 
 def is_sealed(path: Path) -> bool:
     """Return whether a file has a digest; that it matches is checked when the file is opened."""
-    return _digest_holds(path, *file_state(path)) is not None
+    return _digest_holds(path, *whole_files.file_state(path)) is not None
 
 
 def column_ends(

@@ -425,14 +425,11 @@ def _fill(path: Path, block: Poses, segment: str, rows: slice, columns: Columns,
 def _empty(segments: Sequence[str], n_frames: int) -> Poses:
     """Return poses to be filled in, column-major as in the file, none of them valid."""
     shape = (n_frames, len(segments))
-    return Poses(
-        tuple(segments),
-        np.empty(n_frames, np.int64),
-        np.full(n_frames, np.nan),
-        np.full((*shape, 3), np.nan, order="F"),
-        np.full((*shape, 4), np.nan, order="F"),
-        np.zeros(shape, bool, order="F"),
-    )
+    frame, time_s = np.empty(n_frames, np.int64), np.full(n_frames, np.nan)
+    position_mm = np.full((*shape, 3), np.nan, order="F")
+    quaternion = np.full((*shape, 4), np.nan, order="F")
+    valid = np.zeros(shape, bool, order="F")
+    return Poses(tuple(segments), frame, time_s, position_mm, quaternion, valid)
 
 
 def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, hand: str | None) -> Hand:

@@ -121,9 +121,8 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
         what = remedy or f"expected {expected}"
         raise InputError(f"{path}: no such file; {what}{slash_hint(str(path))}") from error
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror or error}); expected {expected}"
-        ) from error
+        why = error.strerror or error
+        raise InputError(f"{path}: cannot be read ({why}); expected {expected}") from error
 
 
 def slash_hint(path: str) -> str:

@@ -121,10 +121,8 @@ class Provenance:
 
     def metadata(self) -> dict[str, Any]:
         """Return inputs and parameters as entries of a file's metadata."""
-        return {
-            "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
-            "parameters": dict(self.parameters),
-        }
+        inputs = [{"file": name, "sha256": digest} for name, digest in self.inputs]
+        return {"inputs": inputs, "parameters": dict(self.parameters)}
 
 
 def write_table(path: Path, table: Table, columns: Mapping[str, Any], provenance: Provenance) -> None:

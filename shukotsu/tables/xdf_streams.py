@@ -116,17 +116,12 @@ def read_streams(path: Path) -> list[Stream]:
         infos = pyxdf.resolve_streams(file)
     if len({info["stream_id"] for info in infos}) < len(infos):
         raise InputError(f"{path}: is damaged: a stream begins again; copy it again")
-    return [
-        Stream(
-            info["stream_id"],
-            (info["name"] or "").strip(),
-            (info["type"] or "").strip(),
-            (info["channel_format"] or "").strip(),
-            info["channel_count"],
-            info["nominal_srate"],
-        )
-        for info in infos
-    ]
+    streams = []
+    for info in infos:
+        name, kind, form = ((info[key] or "").strip() for key in ("name", "type", "channel_format"))
+        number, channel_count, rate_hz = info["stream_id"], info["channel_count"], info["nominal_srate"]
+        streams.append(Stream(number, name, kind, form, channel_count, rate_hz))
+    return streams
 
 
 def load_stream(path: Path, stream: Stream) -> StreamSamples:
@@ -203,16 +198,12 @@ def _channels(info: Any) -> tuple[StreamChannel, ...]:
     """Return the channels of a stream's header, in which pyxdf represents every element as a list."""
     described = info.get("desc", [None])[0] or {}
     listed = (described.get("channels", [None])[0] or {}).get("channel", [])
-    return tuple(
-        StreamChannel(
-            index,
-            _text(channel, "label"),
-            _text(channel, "marker") or _text(channel, "object"),
-            _text(channel, "type").lower(),
-            _text(channel, "unit").lower(),
-        )
-        for index, channel in enumerate(listed)
-    )
+    channels = []
+    for index, channel in enumerate(listed):
+        owner = _text(channel, "marker") or _text(channel, "object")
+        kind, unit = _text(channel, "type").lower(), _text(channel, "unit").lower()
+        channels.append(StreamChannel(index, _text(channel, "label"), owner, kind, unit))
+    return tuple(channels)
 
 
 def _text(element: Any, tag: str) -> str:

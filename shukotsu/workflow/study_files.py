@@ -28,7 +28,6 @@ from shukotsu.study.plan_file import (
 from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.workflow.file_digests import FileDigests
-from shukotsu.workflow.former_results import remove_former_results
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (with session), hand, recording and model, as in paths."""
@@ -43,6 +42,11 @@ class StudyFiles:
         Command-line options that name the study and its results folder.
     subjects
         Plans of every subject in every session, in the sheet's order.
+    plans_digest
+        Digest of the plans of all subjects.
+    export_options, participants
+        Options of the export command that the study file sets, and the one that names the participants sheet;
+        an empty string if the study has none.
     simulated, streamed, simulated_truth
         Patterns, with wildcards, of the paths of a simulated recording, of the same recording as the
         tracker's raw capture, and of its truth tables; paths that do not exist if nothing is simulated.
@@ -81,6 +85,11 @@ class StudyFiles:
         ]
         if reasons and all(reasons):  # a model that applies to no hand is an error in the study
             raise InputError(f"{self.file}: models: {reasons[0]}")
+        self.plans_digest = plan_digest(self._contents)
+        settings, participants = self.study.export_settings, self.study.sheets.get("participants")
+        self.export_options = _options(settings | {"models": ",".join(settings["models"])})
+        sheet = None if participants is None else _relative(participants)
+        self.participants = _options({"participants": sheet})
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         simulation, folder = self.study.simulation, Path(os.devnull, "none")
         self.seed = 0 if simulation is None else simulation.seed
@@ -148,6 +157,8 @@ class StudyFiles:
 
     def remove_former(self) -> str:
         """Remove results that no longer belong to the study; return a sentence on them, if any."""
+        from shukotsu.workflow.former_results import remove_former_results
+
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders, *self.exports}
         former = remove_former_results(self.results, present)
         return f"removed results that no longer belong to the study: {list_names(former)}" if former else ""
@@ -159,7 +170,7 @@ class StudyFiles:
         rewritten when a run starts, and a run starts only if there is a job to do; so the job that writes the
         study's tables is made to run.
         """
-        from shukotsu.workflow.made_from import recall  # imports Snakemake, often not needed
+        from shukotsu.workflow.former_results import recall  # imports Snakemake, often not needed
 
         tables = [self.results.resolved.as_posix()] if self.changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
@@ -334,13 +345,9 @@ class StudyFiles:
         """
         fittings = {name: model.fitting for plan in self.subjects for name, model in plan.models.items()}
         layouts = {token: [*plan.layouts.values()] for token, plan in self._plans.items()}
-        tokens = {
-            "subject": [token for token, of_hands in layouts.items() if of_hands[1:] == of_hands[:1]],
-            "model": [
-                path_token(name) for name, fitting in fittings.items() if fitting and fitting.share_lengths
-            ]
-            + [REFERENCE],
-        }
+        subjects = [token for token, of_hands in layouts.items() if of_hands[1:] == of_hands[:1]]
+        models = [path_token(name) for name, fit in fittings.items() if fit and fit.share_lengths]
+        tokens = {"subject": subjects, "model": [*models, REFERENCE]}
         return {name: "|".join(map(re.escape, of_name)) or "(?!)" for name, of_name in tokens.items()}
 
     def fit_plan(self, wildcards: Wildcards) -> str:
@@ -361,11 +368,6 @@ class StudyFiles:
         return next(r for r in every if (r.hand.hand, r.name) == (hand, name))
 
     # --- the whole study ----------------------------------------------------------------------------------
-
-    @property
-    def plans_digest(self) -> str:
-        """Digest of the plans of all subjects."""
-        return plan_digest(self._contents)
 
     @property
     def tables(self) -> list[str]:
@@ -391,18 +393,6 @@ class StudyFiles:
     def configuration_digest(self) -> str:
         """Digest of the contents of these files and of the other mappings."""
         return plan_digest([self._digests.sha256(path) for path in (*self._configuration, *self._mappings)])
-
-    @property
-    def export_options(self) -> str:
-        """Options of the export command that the study file sets."""
-        settings = self.study.export_settings
-        return _options(settings | {"models": ",".join(settings["models"])})
-
-    @property
-    def participants(self) -> str:
-        """Option that names the participants sheet; an empty string if the study has none."""
-        sheet = self.study.sheets.get("participants")
-        return _options({"participants": None if sheet is None else _relative(sheet)})
 
     @property
     def outputs(self) -> list[str]:

@@ -20,10 +20,7 @@ from shukotsu.command_line import option_of
 from shukotsu.errors import InputError
 from shukotsu.resources import PACKAGE, ROOT
 from shukotsu.tables.whole_files import write_text
-from shukotsu.workflow import made_from, one_run, progress, warm_process
-from shukotsu.workflow.file_digests import program_digest
-from shukotsu.workflow.study_file import study_file
-from shukotsu.workflow.study_files import StudyFiles
+from shukotsu.workflow import file_digests, former_results, one_run, study_files, warm_process
 
 CAPTIONS = PACKAGE / "report" / "captions"
 """Folder of the captions that `snakemake --report` uses."""
@@ -36,7 +33,7 @@ LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
 """Wildcards in the wording of messages."""
 
 
-def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
+def begin(workflow: Any, config: dict[str, Any], top: Path) -> study_files.StudyFiles:
     """Read the study of a workflow, and register the functions that run when it starts and ends.
 
     top : the folder of the Snakefile. Raises WorkflowError if the study cannot be read.
@@ -51,7 +48,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_JOB=job.__file__)
     os.environ.update(SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
-        study = StudyFiles(study_file(workflow.configfiles, config, is_module))
+        study = study_files.StudyFiles(one_run.study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
         notes += [study.changed_results(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
@@ -59,11 +56,11 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     _note(*notes)
     DAG.check_output_mtime = _take_any_time
     workflow.global_wildcard_constraints(**WILDCARDS)
-    shown = os.getenv(progress.SHOWN) if workflow.is_main_process else None
-    line = progress.Progress(workflow, sys.stderr)
+    shown = os.getenv(one_run.SHOWN) if workflow.is_main_process else None
+    line = one_run.Progress(workflow, sys.stderr)
     if shown:
         logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))
-    for handler in logger.handlers if shown == progress.PROGRESS and not workflow.dryrun else ():
+    for handler in logger.handlers if shown == one_run.PROGRESS and not workflow.dryrun else ():
         if handler.name == "DefaultStreamHandler":  # the terminal's, not the log file's
             handler.addFilter(line)
 
@@ -92,7 +89,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
 
     def finish(logs: list[str]) -> None:
         line.close(logs)
-        made_from.keep(study.kept, workflow)
+        former_results.keep(study.kept, workflow)
 
     workflow.onsuccess(finish)
     workflow.onerror(finish)
@@ -112,14 +109,14 @@ def _note(*notes: str) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
-def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
+def complete(workflow: Any, study: study_files.StudyFiles, snakefile: str) -> None:
     """Set every rule's log, message, parts of its command, and the params whose change triggers a rerun.
 
     These params are the program's digest, and the digests of the subject's plan, of all plans and of the
     study's configuration for rules that have them as inputs. A rule that depends on only a part of a plan
     sets that part's digest itself.
     """
-    code = program_digest()
+    code = file_digests.program_digest()
     params_of: dict[str, dict[str, Any]] = {
         "plan": {"plan": study.plan},
         "plans": {"plans": study.plans_digest},
@@ -135,7 +132,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.log_modifier = rule.output_modifier
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
-        rule.message = f"{rule.name}: {', '.join(shown) or progress.OF_STUDY}"
+        rule.message = f"{rule.name}: {', '.join(shown) or one_run.OF_STUDY}"
         rule.set_params(stages=STAGES)
         if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run starts
             continue
@@ -156,14 +153,14 @@ def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake
     return shlex.join(words)
 
 
-def report_page(study: StudyFiles) -> Any:
+def report_page(study: study_files.StudyFiles) -> Any:
     """Return the study's page, marked for inclusion in `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
     caption = f"{CAPTIONS}/report.rst"
     return report(page, caption=caption, category="Study", labels=labels)
 
 
-def report_figures(study: StudyFiles) -> list[Any]:
+def report_figures(study: study_files.StudyFiles) -> list[Any]:
     """Return the study's figures for print; SVG files are marked for inclusion in `snakemake --report`."""
     figures: list[Any] = []
     for path in map(Path, study.figures):

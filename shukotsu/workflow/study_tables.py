@@ -13,25 +13,13 @@ from shukotsu.checks.checked_subject import copies
 from shukotsu.errors import INTERNAL
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.agreement import agreement
-from shukotsu.study.config_files import REFERENCE, read_config, yaml_text
+from shukotsu.study import config_files, plan_file, recording_summary, sheets
 from shukotsu.study.findings import NOTE, REFUSED, STAGE, finding_of_text, problem_row
 from shukotsu.study.layout import read_layout
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.plan_file import read_plan
-from shukotsu.study.recording_summary import part_problems, subject_tables
 from shukotsu.study.results import GATHERED_TABLES, Results
-from shukotsu.study.sheets import CORRECTIONS, read_sheet
 from shukotsu.study.study import Study, correction_problems, unmatched_rows, unused_columns
-from shukotsu.tables.catalogue import (
-    AGREEMENT,
-    FINDINGS,
-    JOINT_CENTRES,
-    JOINT_SOLUTIONS,
-    PROBLEMS,
-    RECEIVERS,
-    RECORDINGS,
-    TABLES,
-)
+from shukotsu.tables.catalogue import AGREEMENT, PROBLEMS, RECORDINGS, TABLES
 from shukotsu.tables.typed_table import (
     Column,
     Provenance,
@@ -49,8 +37,8 @@ if TYPE_CHECKING:
 
 def gather_study(study: Study, results: Results) -> None:
     """Write the study's tables into its results folder. Raises TableError if a subject's table is damaged."""
-    plans = [read_plan(results.plan(*who)) for who in study.sessions]
-    of_subjects = [subject_tables(plan) for plan in plans]
+    plans = [plan_file.read_plan(results.plan(*who)) for who in study.sessions]
+    of_subjects = [recording_summary.subject_tables(plan) for plan in plans]
     recordings = [row for subject in of_subjects for row in subject.recordings]
     problems: list[ProblemsRow] = [
         problem_row(
@@ -61,7 +49,7 @@ def gather_study(study: Study, results: Results) -> None:
     for plan, subject in zip(plans, of_subjects, strict=True):
         problems += [*_bugs(plan), *subject.problems]
     # find recordings whose poses equal those of another subject or session
-    digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
+    digests = {plan.who: read_metadata(plan.table("findings"))["parameters"]["digests"] for plan in plans}
     of_recordings = (
         (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
         for plan in plans
@@ -72,7 +60,7 @@ def gather_study(study: Study, results: Results) -> None:
     of_sheets: list[tuple[str, str, str, str]] = []  # rule, kind, severity and sentence of problems of sheets
     if (sheet := study.sheets.get("corrections")) is not None:
         layout = read_layout(study.layout.absolute())
-        texts = correction_problems(read_sheet(sheet, CORRECTIONS), sheet, study.hands, layout)
+        texts = correction_problems(sheets.read_sheet(sheet, sheets.CORRECTIONS), sheet, study.hands, layout)
         of_sheets += [("project_planes", "correction", REFUSED, text) for text in texts]
     of_sheets += [("plan", "sheet", REFUSED, text) for text in unmatched_rows(study)]
     of_sheets += [("plan", "sheet", NOTE, text) for text in unused_columns(study)]
@@ -88,18 +76,16 @@ def gather_study(study: Study, results: Results) -> None:
     whole = {
         "program": f"{PROGRAM} {VERSION}",
         "study": study.config,
-        "layouts": [read_config(path, "layout") for path in layouts],
-        "models": [read_config(path, "model") for path in study.models.values()],
+        "layouts": [config_files.read_config(path, "layout") for path in layouts],
+        "models": [config_files.read_config(path, "model") for path in study.models.values()],
     }
-    write_text(results.resolved, yaml_text(whole))
+    write_text(results.resolved, config_files.yaml_text(whole))
     provenance = Provenance.of(list(study.sheets.values()))
     key = ("subject", "session", "hand", "task", "model", "message")
     unique = list({key_of(row, key): row for row in reversed(problems)}.values())[::-1]
-    for table, table_rows in (
-        (_with_further_columns(study, recordings), recordings),
-        (PROBLEMS, unique),
-        (AGREEMENT, agreement(plans)),
-    ):
+    whole_table = _with_further_columns(study, recordings)
+    tables = ((whole_table, recordings), (PROBLEMS, unique), (AGREEMENT, agreement(plans)))
+    for table, table_rows in tables:
         write_table(results.study_table(table.name), table, columns_from_rows(table, table_rows), provenance)
 
 
@@ -116,19 +102,11 @@ def _with_further_columns(study: Study, rows: Sequence[RecordingsRow]) -> Table:
     return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
 
 
-_WRITTEN_BEFORE = (
-    (JOINT_SOLUTIONS, "joint_solutions", "solve_joints"),
-    (JOINT_CENTRES, "projected_joints", "project_planes"),
-    (RECEIVERS, RECEIVERS.name, "fit_hand"),
-)
-"""Tables whose failures later stages repeat: definition, name and the rule that writes the table."""
-
-
 def _bugs(plan: SubjectPlan) -> Iterator[ProblemsRow]:
     """Yield internal errors with the stage that caused them; later stages repeat them as their own."""
-    references = [plan.table(RECEIVERS.name, hand, REFERENCE) for hand in plan.hands]
-    for table, name, stage in _WRITTEN_BEFORE:
-        files = plan.files_of(name) + (references if name == RECEIVERS.name else [])
+    references = [plan.table("receivers", hand, config_files.REFERENCE) for hand in plan.hands]
+    for name in ("joint_solutions", "projected_joints", "receivers"):  # those whose failures are repeated
+        files = plan.files_of(name) + (references if name == "receivers" else [])
         for file in filter(Path.is_file, files):
-            problems = part_problems(plan, file, table, stage)
+            problems = recording_summary.part_problems(plan, file, name)
             yield from (row for row in problems if row["message"].startswith(INTERNAL))

@@ -54,13 +54,12 @@ def start() -> subprocess.Popen[bytes] | None:
         address = str(Path(folder, "jobs"))
         listener.bind(address)
         listener.listen(WAITING)  # jobs can connect from now on, and wait until all is imported
+        paths = {"PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONSAFEPATH": "1"}
         process = subprocess.Popen(
             [sys.executable, "-m", "shukotsu.workflow.warm_process", str(listener.fileno())],
             stdin=subprocess.PIPE,  # never written to; the system closes it when this process ends
             pass_fds=[listener.fileno()],
-            env=os.environ
-            | KEEP_MEMORY
-            | {"PYTHONPATH": str(Path(__file__).parents[2]), "PYTHONSAFEPATH": "1"},
+            env=os.environ | KEEP_MEMORY | paths,
         )
         atexit.register(process.communicate)
         os.environ[job.ADDRESS] = address

@@ -7,14 +7,7 @@ import pytest
 import yaml
 
 from shukotsu.errors import InputError
-from shukotsu.study.config_files import (
-    config_path,
-    json_schema,
-    loaded_yaml,
-    read_config,
-    shipped_names,
-    yaml_text,
-)
+from shukotsu.study import config_files
 
 MODEL = "model: mine\ndescription: A test.\n"
 
@@ -22,7 +15,7 @@ MODEL = "model: mine\ndescription: A test.\n"
 def read(tmp_path: Path, text: str, kind: str = "model") -> dict[str, Any]:
     path = tmp_path / "mine.yaml"
     path.write_text(text, "utf-8")
-    return read_config(path, kind)
+    return config_files.read_config(path, kind)
 
 
 def test_defaults_are_filled_in_at_every_level(tmp_path: Path) -> None:
@@ -63,13 +56,13 @@ def test_a_mistake_in_a_file_is_refused_with_its_key(tmp_path: Path, text: str, 
 
 def test_a_layout_is_found_by_shipped_name_or_path(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").touch()
-    assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
-    assert config_path("arm", "layout", tmp_path).is_file()
-    assert "liberty16" in shipped_names("layout")
+    assert config_files.config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
+    assert config_files.config_path("arm", "layout", tmp_path).is_file()
+    assert "liberty16" in config_files.shipped_names("layout")
     with pytest.raises(InputError, match=r"nor a file in .*; folders are separated by / and not by \\"):
-        config_path("data\\arm.yaml", "layout", tmp_path)
+        config_files.config_path("data\\arm.yaml", "layout", tmp_path)
     with pytest.raises(InputError, match=r"layout 'libery16' is neither .*did you mean 'liberty16'\?"):
-        config_path("libery16", "layout", tmp_path)
+        config_files.config_path("libery16", "layout", tmp_path)
 
 
 def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
@@ -82,7 +75,7 @@ def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
 
 @pytest.mark.parametrize("kind", ["study", "layout", "model", "mapping"])
 def test_schemas_describe_every_key_and_forbid_others(kind: str) -> None:
-    schema = json_schema(kind)
+    schema = config_files.json_schema(kind)
     assert schema["additionalProperties"] is False
     for name, part in _properties(schema):
         assert part.get("description", "").endswith("."), name
@@ -98,9 +91,13 @@ TWO_VERSIONS = {**dict(zip(TEXTS, TEXTS, strict=True)), **VALUES, **WORDS}
 def test_yaml_is_read_as_1_2_and_written_for_1_1_and_1_2() -> None:
     """A text that we write is the same text to a reader of YAML 1.1."""
     for text, value in TWO_VERSIONS.items():
-        loaded = loaded_yaml(f"key: {text}", "a.yaml")["key"]
+        loaded = config_files.loaded_yaml(f"key: {text}", "a.yaml")["key"]
         assert (loaded, type(loaded)) == (value, type(value)), text
-        assert loaded_yaml(yaml_text({"key": value}), "a.yaml") == {"key": value}
-        assert yaml.safe_load(yaml_text({"key": value})) == {"key": value}
+        assert config_files.loaded_yaml(config_files.yaml_text({"key": value}), "a.yaml") == {"key": value}
+        assert yaml.safe_load(config_files.yaml_text({"key": value})) == {"key": value}
     for text in TWO_VERSIONS:
-        assert loaded_yaml(yaml_text([text]), "") == yaml.safe_load(yaml_text([text])) == [text]
+        assert (
+            config_files.loaded_yaml(config_files.yaml_text([text]), "")
+            == yaml.safe_load(config_files.yaml_text([text]))
+            == [text]
+        )

@@ -7,19 +7,11 @@ from typing import Any
 import pytest
 from small_study import write_plans, write_study
 
+from shukotsu.study import plan_file
 from shukotsu.study.findings import finding_of_text
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.plan_file import (
-    StudyPlans,
-    fit_part,
-    plan_digest,
-    plan_from_content,
-    plan_text,
-    read_plan,
-    recordings_part,
-)
 from shukotsu.study.study import read_study
 from shukotsu.tables.catalogue import FINDINGS
 from shukotsu.tables.parts import Part
@@ -41,20 +33,20 @@ RIGHT, LEFT = "right", "left"
 
 
 def content(study_file: Path, subject: str) -> dict[str, Any]:
-    return StudyPlans(read_study(study_file), Path("results/test")).content(subject)
+    return plan_file.StudyPlans(read_study(study_file), Path("results/test")).content(subject)
 
 
 def plan(folder: Path, *rows: str, subject: str = "01", **more: Any) -> SubjectPlan:
     file = write_study(folder, *rows, models=more.pop("models", MODELS), **more)
-    return plan_from_content(content(file, subject), "plan.json")
+    return plan_file.plan_from_content(content(file, subject), "plan.json")
 
 
 def test_a_plan_is_read_back_as_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     file = write_study(Path("study"), *ROWS, models=("rigid", "whole-hand"), **SHEETS)
     path = write_plans(file)["01"]
-    read, study = read_plan(path), read_study(file)
-    assert read == plan_from_content(json.loads(path.read_text()), "again")
+    read, study = plan_file.read_plan(path), read_study(file)
+    assert read == plan_file.plan_from_content(json.loads(path.read_text()), "again")
     assert (read.study, read.who.subject, read.folder) == ("test", "01", Path("study/results/sub-01"))
     assert read.sizes_mm == {"hand_length_mm": 190.5, "hand_breadth_mm": None}
     assert [r.name for r in read.recordings] == ["rom", "opposition_1", "rom"]
@@ -89,8 +81,8 @@ def test_a_plan_changes_only_with_its_own_subject(
 ) -> None:
     before = content(write_study(tmp_path, *ROWS, **SHEETS), "01")
     after = content(write_study(tmp_path, *rows, *ROWS, **SHEETS | sheets), "01")
-    assert (plan_text(after) == plan_text(before)) == same
-    assert (plan_digest(after) == plan_digest(before)) == same
+    assert (plan_file.plan_text(after) == plan_file.plan_text(before)) == same
+    assert (plan_file.plan_digest(after) == plan_file.plan_digest(before)) == same
 
 
 def test_the_wanted_error_affects_only_the_judging_stages(tmp_path: Path) -> None:
@@ -98,14 +90,14 @@ def test_the_wanted_error_affects_only_the_judging_stages(tmp_path: Path) -> Non
     file = write_study(tmp_path, *ROWS, models=("rigid", "whole-hand"))
 
     def plans() -> tuple[dict[str, Any], ...]:
-        plan = StudyPlans(read_study(file), Path("results/test")).content("01")
-        return plan, recordings_part(plan), fit_part(plan, RIGHT, "whole-hand")
+        plan = plan_file.StudyPlans(read_study(file), Path("results/test")).content("01")
+        return plan, plan_file.recordings_part(plan), plan_file.fit_part(plan, RIGHT, "whole-hand")
 
     before = plans()
-    assert plan_from_content(before[0], "plan.json").layouts[RIGHT].wanted_mm == 2.0
+    assert plan_file.plan_from_content(before[0], "plan.json").layouts[RIGHT].wanted_mm == 2.0
     file.write_text(file.read_text() + "\nwanted_mm: 1.5\n")
     after = plans()
-    assert plan_from_content(after[0], "plan.json").layouts[RIGHT].wanted_mm == 1.5
+    assert plan_file.plan_from_content(after[0], "plan.json").layouts[RIGHT].wanted_mm == 1.5
     assert read_study(file).judged_layout(read_study(file).hands[0]).wanted_mm == 1.5
     assert after[1:] == before[1:]
 
@@ -163,7 +155,7 @@ def test_tasks_are_left_out_in_turn_for_held_out_scores(
 
 def test_a_hand_with_a_suspect_or_refused_recording_is_doubted(tmp_path: Path) -> None:
     rows = ("01 right rom both a.csv", "01 left rom both b.csv", "01 left grip evaluation c.csv")
-    plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
+    plan = plan_file.read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     for severity, doubted in (("note", ""), ("suspect", "grip"), ("refused", "grip")):
         row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
         row |= finding_of_text("units", severity, "In inch.").columns

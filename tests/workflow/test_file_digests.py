@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shukotsu.resources import VERSION
-from shukotsu.workflow import file_digests, made_from
+from shukotsu.workflow import file_digests, former_results
 from shukotsu.workflow.file_digests import FileDigests, program_digest
 
 
@@ -84,7 +84,7 @@ def test_invalid_cache_files_are_ignored(text: str) -> None:
     digests = FileDigests(Path("notes.json"))
     assert digests.changes("study", {"a": digests.sha256("a")}) == []
     Path("notes.json").write_text(text)
-    assert made_from.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json"))) == ["a"]
+    assert former_results.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json"))) == ["a"]
 
 
 def test_the_programs_digest_is_its_version_or_files_of_a_checkout(

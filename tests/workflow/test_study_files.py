@@ -14,7 +14,7 @@ from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP
-from shukotsu.workflow.study_file import study_file
+from shukotsu.workflow.one_run import study_file
 from shukotsu.workflow.study_files import StudyFiles
 
 ROWS = (
