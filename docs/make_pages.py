@@ -68,21 +68,14 @@ def row_types() -> str:
 
 def configuration() -> list[str]:
     """Return the lines on the keys of configuration files and the columns of sheets."""
-    lines = [
-        "",
-        f"Layouts that come with the program: {', '.join(shipped_names('layout'))}. "
-        f"Skeleton models: {', '.join(shipped_names('model'))}.",
-    ]
+    layouts, models = ", ".join(shipped_names("layout")), ", ".join(shipped_names("model"))
+    lines = ["", f"Layouts that come with the program: {layouts}. Skeleton models: {models}."]
     for kind in ("study", "layout", "model", "mapping"):
         schema = json_schema(kind)
         lines += ["", f"## {schema['title']} file", "", schema["description"], ""]
         lines += _keys(schema, "")
-    lines += [
-        "",
-        "## Sheets",
-        "",
-        "Tab-separated UTF-8 text with a header line. Quotation marks around a cell are removed.",
-    ]
+    form = "Tab-separated UTF-8 text with a header line. Quotation marks around a cell are removed."
+    lines += ["", "## Sheets", "", form]
     for sheet in SHEETS.values():
         more = " Further columns are kept." if sheet.more_columns else ""
         lines += ["", f"### {sheet.name}", "", f"One row per {', '.join(sheet.key)}.{more}", ""]
@@ -189,10 +182,8 @@ def read_filegraph(dot: str) -> tuple[dict[str, list[str]], list[tuple[str, str]
     outputs: dict[str, list[str]] = {}
     for number, label in _NODE.findall(dot):
         rule = rules[number] = _RULE.findall(label)[0]
-        names = [
-            file_name(html.unescape(file)) for file in _FILE.findall(label.partition("output &rarr;")[2])
-        ]
-        outputs[rule] = list(dict.fromkeys(names))
+        files = _FILE.findall(label.partition("output &rarr;")[2])
+        outputs[rule] = list(dict.fromkeys(file_name(html.unescape(file)) for file in files))
     del outputs["all"]
     read_by: dict[str, set[str]] = {rule: set() for rule in outputs}
     for writer, reader in _EDGE.findall(dot):
@@ -246,10 +237,9 @@ def mermaid(outputs: Mapping[str, Sequence[str]], edges: Iterable[tuple[str, str
 def page_with_diagram(page: str) -> str:
     """Return the page with the diagram of the demo study's rules, with exports, between its marks."""
     with tempfile.TemporaryDirectory() as folder:
+        ignore = shutil.ignore_patterns("recordings")
         for part in ("data", "config"):
-            shutil.copytree(
-                DOCS.parent / part, Path(folder, part), ignore=shutil.ignore_patterns("recordings")
-            )
+            shutil.copytree(DOCS.parent / part, Path(folder, part), ignore=ignore)
         study = Path(folder, "config", "demo.yaml")
         study.write_text(f"{study.read_text('utf-8')}\nexports: [bvh, bids]\n", "utf-8")
         snakefile = str(DOCS.parent / "Snakefile")

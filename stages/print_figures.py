@@ -31,7 +31,7 @@ def build_parser() -> argparse.ArgumentParser:
 def draw(arguments: argparse.Namespace) -> None:
     """Read the study's results and write every figure; report on stderr which figures have no data."""
     from shukotsu.report.figures import recording_figures
-    from shukotsu.report.figures.panels import save
+    from shukotsu.report.figures.drawing import save
     from shukotsu.report.figures.study_figures import of_study
     from shukotsu.report.figures.style import font_note, print_language
     from shukotsu.report.study_results import read_results
@@ -63,7 +63,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     if arguments.recording:
         print("error: nothing was written, since no study lists a recording's figures", file=sys.stderr)
         return
-    from shukotsu.report.figures.panels import not_drawn, save
+    from shukotsu.report.figures.drawing import not_drawn, save
     from shukotsu.study.results import STUDY_FIGURES
 
     for name in STUDY_FIGURES:

@@ -13,7 +13,7 @@ from shukotsu.errors import InputError
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posing import Skeleton
 from shukotsu.report.belief import belief
-from shukotsu.report.figures.panels import hand_panel, page_picture
+from shukotsu.report.figures.drawing import hand_panel, page_picture
 from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
 from shukotsu.report.palette import css
 from shukotsu.report.templates import ENVIRONMENT

@@ -8,16 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from shukotsu.report import table_cells
 from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, PlotMark
 from shukotsu.report.study_results import StudyResults
-from shukotsu.report.table_cells import (
-    DataTable,
-    PageColumn,
-    capital,
-    number,
-    quantity_column,
-    table_of,
-)
+from shukotsu.report.table_cells import DataTable, PageColumn, number
 from shukotsu.study import verdict
 from shukotsu.study.findings import PROBLEMS
 from shukotsu.study.layout import Layout
@@ -123,6 +117,7 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     Numbers that no joint has are omitted.
     """
     rows: Sequence[Mapping[str, Any]] = results.joints_of.get((hand, model), [])
+    known = [name for name in _NUMBERS if any(row[name] is not None for row in rows)]
     row_name = Markup('<span id="{}">{}</span>' if model == results.leading else "{1}")  # the target of links
     columns = (
         PageColumn(
@@ -131,16 +126,11 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
             is_text=True,
         ),
         PageColumn(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
-        *(quantity_column(name) for name in _NUMBERS if any(row[name] is not None for row in rows)),
+        *map(table_cells.quantity_column, known),
         PageColumn(tr("Why"), lambda row: "; ".join(reasons_of(row)), is_text=True),
     )
-    return table_of(
-        tr("Joints of {hand}, {model}.", model=model, hand=hand),
-        columns,
-        rows,
-        tr(NO_JOINT),
-        source="joint_centres",
-    )
+    caption = tr("Joints of {hand}, {model}.", model=model, hand=hand)
+    return table_cells.table_of(caption, columns, rows, tr(NO_JOINT), source="joint_centres")
 
 
 def joint_anchor(hand: Hand, joint: str) -> str:
@@ -199,13 +189,11 @@ def near_lines(rows: Iterable[JointCentresRow], gains: Sequence[GainsRow], layou
         *gain_lines([mended[joint] for joint in near if joint in mended]),
     ]
     if others := [joint for joint in near if joint not in mended]:
-        lines.append(
-            tr(
-                "To improve {joints}, record another calibration in which they bend slowly over their full "
-                "range with the palm at rest, or combine two measurements of the hand.",
-                joints=others,
-            )
+        text = N_(
+            "To improve {joints}, record another calibration in which they bend slowly over their full "
+            "range with the palm at rest, or combine two measurements of the hand."
         )
+        lines.append(tr(text, joints=others))
     return lines
 
 
@@ -235,7 +223,7 @@ def gain_lines(rows: Sequence[GainsRow]) -> list[str]:
             "{joint_sd_before_mm:.1f} to {joint_sd_after_mm:.1f} mm (mean of all joints: {before} to {after} "
             "mm).",
             **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
-            action=capital(tr(_PARTS[part], bone=bone)),
+            action=table_cells.capital(tr(_PARTS[part], bone=bone)),
             before=number(row["mean_sd_before_mm"]),
             after=number(row["mean_sd_after_mm"]),
         )

@@ -15,28 +15,14 @@ import numpy.typing as npt
 import pandas as pd
 import pyarrow.compute as pc
 
+from shukotsu.movement import study_comparison
 from shukotsu.movement.cycle_curves import MOST_EVENTS, PERCENT
-from shukotsu.movement.study_comparison import (
-    QUANTITIES,
-    WITHIN,
-    RecordingLevels,
-    level_column,
-    mark_suspect,
-    numbers_of,
-    subject_means,
-    why_untested,
-)
+from shukotsu.movement.study_comparison import QUANTITIES, WITHIN, RecordingLevels
 from shukotsu.report.belief import NOT, study_beliefs
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import DASH, DataTable, RowBlock, number, p_text
 from shukotsu.study.study import Recording, Study, factor_levels, not_compared
-from shukotsu.tables.catalogue import (
-    CYCLE_CURVES,
-    MOVEMENT_CYCLES,
-    MOVEMENT_DIFFERENCES,
-    MOVEMENT_RELIABILITY,
-    RANGES_OF_MOTION,
-)
+from shukotsu.tables import catalogue
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Table, read_table
 from shukotsu.translation import N_, listed, ngettext, tr, translated, word
@@ -66,7 +52,7 @@ def recording_curves(
     results: StudyResults, recording: Recording, model: str
 ) -> dict[str, dict[str, dict[str, Curve]]]:
     """Return a recording's curves over its cycles under a model, by event, joint and angle."""
-    rows = results.recording_rows(CYCLE_CURVES, recording, model)
+    rows = results.recording_rows(catalogue.CYCLE_CURVES, recording, model)
     curves: dict[str, dict[str, dict[str, Curve]]] = {}
     for (event, joint, angle), group in groupby(rows, itemgetter("event", *OF_ANGLE)):
         of = list(group)
@@ -77,7 +63,7 @@ def recording_curves(
 
 def why_no_curves(results: StudyResults, recording: Recording, model: str) -> str:
     """Return a sentence that states why a recording has no curves over cycles under a model."""
-    cycles = results.recording_rows(MOVEMENT_CYCLES, recording)
+    cycles = results.recording_rows(catalogue.MOVEMENT_CYCLES, recording)
     if not cycles:
         return tr(
             "No event starts a cycle in this recording, so no angles are averaged over cycles; the study's "
@@ -157,8 +143,8 @@ def read_movement(results: StudyResults) -> StudyMovement:
     Ranges include those of calibration recordings. Raises InputError if a file is not the expected table.
     """
     model = results.leading
-    measured = movement_table(results, RANGES_OF_MOTION, model)
-    curves = movement_table(results, CYCLE_CURVES, model, "flexion")
+    measured = movement_table(results, catalogue.RANGES_OF_MOTION, model)
+    curves = movement_table(results, catalogue.CYCLE_CURVES, model, "flexion")
     roles: dict[str, set[str]] = defaultdict(set)
     for recording in results.shown:
         roles[recording.task].add(recording.role)
@@ -176,8 +162,8 @@ def read_movement(results: StudyResults) -> StudyMovement:
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
         curves=counted(curves[~curves["task"].isin([task for task, only in tasks.items() if only])]),
-        differences=movement_table(results, MOVEMENT_DIFFERENCES, model),
-        reliability=movement_table(results, MOVEMENT_RELIABILITY, model),
+        differences=movement_table(results, catalogue.MOVEMENT_DIFFERENCES, model),
+        reliability=movement_table(results, catalogue.MOVEMENT_RELIABILITY, model),
         measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),
         tasks=tasks,
@@ -232,11 +218,12 @@ class ComparedFactor:
 def compared_factors(results: StudyResults, study: Study, movement: StudyMovement) -> list[ComparedFactor]:
     """Return the factors of the study file, in its order, each with its table and figures."""
     problems = pd.DataFrame(results.rows.problems, columns=["subject", "session", "hand", "severity"])
-    everything = mark_suspect(factor_levels(study), study.factors, problems)
+    everything = study_comparison.mark_suspect(factor_levels(study), study.factors, problems)
     reasons, asked = not_compared(study), study.config["compare"]
     factors = []
     for factor in study.factors:
-        of_level = everything.rows.groupby(level_column(factor), sort=False)["subject"].nunique()
+        column = study_comparison.level_column(factor)
+        of_level = everything.rows.groupby(column, sort=False)["subject"].nunique()
         levels = [
             f"{word(str(level)) or DASH} ({ngettext('{n} subject', '{n} subjects', n)})"
             for level, n in of_level.items()
@@ -318,7 +305,7 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
     interval = DASH if row["low"] is None else f"{number(row['low'], 1)} – {number(row['high'], 1)}"
     p = row["p_holm"]
-    why = why_untested(row["design"], row["n"], row["n_other"]) if p is None else p_text(p)
+    why = study_comparison.why_untested(row["design"], row["n"], row["n_other"]) if p is None else p_text(p)
     levels = of_level("", row["n"]), of_level("other_", row["n_other"])
     where = word(row["hand"]), row["task"]
     return (_title(row), *where, *levels, number(row["difference"], 1), interval, why)
@@ -329,8 +316,9 @@ def _drawn(
 ) -> DrawnDifference:
     """Return the subjects' values at the row's two levels, from which its means are computed."""
     quantity, factor = _QUANTITIES[row["quantity"]], row["factor"]
-    numbers = numbers_of(quantity, movement_table(results, quantity.table, model), everything.counted)
-    means = subject_means(numbers[numbers["of"] == row["of"]], factor, ["hand", "task"])
+    table = movement_table(results, quantity.table, model)
+    numbers = study_comparison.numbers_of(quantity, table, everything.counted)
+    means = study_comparison.subject_means(numbers[numbers["of"] == row["of"]], factor, ["hand", "task"])
     wide = means.unstack("level").reset_index()
     for column in ("hand", "task"):
         wide = wide[(wide[column] == row[column]) | (column == factor)]

@@ -105,19 +105,20 @@ class Look(NamedTuple):
         return 5.5 if self.marker in "PX*" else 4.0
 
 
-def model_looks(names: Sequence[str]) -> dict[str, Look]:
-    """Return each model's look by its position in the study, the same in all of the study's pictures."""
-    return _looks(names, MODELS)
+def looks(names: Sequence[str], colours: Sequence[str]) -> dict[str, Look]:
+    """Return looks by position: of a study's models in MODELS, or of a layout's digits in DIGITS.
 
-
-def digit_looks(names: Sequence[str]) -> dict[str, Look]:
-    """Return each digit's look by its position in the layout."""
-    return _looks(names, DIGITS)
+    A model or digit has the same look in all of the study's pictures.
+    """
+    return {
+        name: Look(colours[index % len(colours)], MARKERS[index % len(MARKERS)])
+        for index, name in enumerate(names)
+    }
 
 
 def level_looks(levels: Iterable[str]) -> dict[str, Look]:
     """Return each level's look by its position among a factor's levels."""
-    return {level: Look(look.colour, "D") for level, look in digit_looks([*levels][::-1]).items()}
+    return {level: Look(look.colour, "D") for level, look in looks([*levels][::-1], DIGITS).items()}
 
 
 def css() -> str:
@@ -142,13 +143,6 @@ def as_custom_property(colour: str) -> str:
 
 
 _NAMES = {light: name for name, (light, _) in HUES.items()}
-
-
-def _looks(names: Sequence[str], colours: Sequence[str]) -> dict[str, Look]:
-    return {
-        name: Look(colours[index % len(colours)], MARKERS[index % len(MARKERS)])
-        for index, name in enumerate(names)
-    }
 
 
 def _properties(values: dict[str, str]) -> str:

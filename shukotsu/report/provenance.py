@@ -83,10 +83,8 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
     """
     apart = {id(row) for row in (*results.findings, *results.accepted)}
     others = [row for row in results.rows.problems if id(row) not in apart]
-    rows = sorted(
-        [*results.findings, *others],
-        key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])),
-    )
+    every = [*results.findings, *others]
+    rows = sorted(every, key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])))
     messages = {row["message"] for row in results.rows.problems}
     unused: dict[str, list[str]] = defaultdict(list)
     for recording in results.recordings:

@@ -12,15 +12,8 @@ from shukotsu.errors import InputError
 from shukotsu.hand.known_digits import root_of
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import Skeleton
-from shukotsu.report.hand_motion import (
-    MOST_FRAMES,
-    HandMotion,
-    ShownSkeleton,
-    fitted_skeleton,
-    hand_motion,
-    open_frame,
-    receiver_skeleton,
-)
+from shukotsu.report import hand_motion
+from shukotsu.report.hand_motion import MOST_FRAMES, HandMotion, ShownSkeleton
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.study.model import paper_skeleton
 from shukotsu.study.study import Recording
@@ -114,7 +107,7 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
         paper = paper_skeleton(results.models[skeleton.model] for skeleton in skeletons)
         layout = results.layouts[recording.hand]
         try:
-            motion = hand_motion(recording.hand.hand, layout, poses, skeletons, paper, every)
+            motion = hand_motion.hand_motion(recording.hand.hand, layout, poses, skeletons, paper, every)
             trouble = ""
         except InputError as error:
             trouble = error.message
@@ -135,12 +128,14 @@ def read_still(results: StudyResults, recording: Recording, model: str) -> HandM
     name = path.relative_to(results.paths.folder).as_posix()
     reader = reader_of(results, recording, model)
     try:
-        shown = open_frame(reader.pose_blocks(), layout)
+        shown = hand_motion.open_frame(reader.pose_blocks(), layout)
     except InputError as error:
         raise InputError(str(error).replace(str(path), name).rstrip(".")) from error
     if shown is None:
         raise InputError(f"{name} has no frame with a valid base receiver")
-    return hand_motion(recording.hand.hand, layout, shown, [_skeleton(results, reader, shown, still=True)])
+    return hand_motion.hand_motion(
+        recording.hand.hand, layout, shown, [_skeleton(results, reader, shown, still=True)]
+    )
 
 
 STRETCH_S, STRETCH_HZ = 6.0, 30.0
@@ -164,7 +159,9 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
     start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
     begins_s = np.nan_to_num(poses.time_s[start] - poses.time_s[0])
     poses = poses.take(slice(start, start + length))
-    motion = hand_motion(recording.hand.hand, layout, poses, [_skeleton(results, reader, poses)], every=step)
+    motion = hand_motion.hand_motion(
+        recording.hand.hand, layout, poses, [_skeleton(results, reader, poses)], every=step
+    )
     return replace(motion, begins_s=float(begins_s))
 
 
@@ -207,9 +204,9 @@ def _skeleton(
     hand = Skeleton(reader.layout, reader.model, joints, {})
     if reader.is_fitted:
         worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-        shown = fitted_skeleton(hand, worn, reader.bones(poses, hand))
+        shown = hand_motion.fitted_skeleton(hand, worn, reader.bones(poses, hand))
     else:
-        shown = receiver_skeleton(hand, poses)
+        shown = hand_motion.receiver_skeleton(hand, poses)
     errors: dict[str, Array] = {}
     if not still and reader.recording.role != "calibration":
         try:

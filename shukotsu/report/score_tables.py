@@ -17,25 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from shukotsu.report.study_results import (
-    FIRST_FRAME,
-    HANDS,
-    LEAST_SQUARES,
-    StudyResults,
-    Trial,
-    hand_of,
-)
-from shukotsu.report.table_cells import (
-    DASH,
-    DataTable,
-    PageColumn,
-    RowBlock,
-    format_value,
-    heading,
-    number,
-    table_of,
-    title,
-)
+from shukotsu.report import table_cells
+from shukotsu.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, StudyResults, Trial, hand_of
+from shukotsu.report.table_cells import DASH, DataTable, PageColumn, RowBlock, number, title
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.study import Recording
 from shukotsu.tables.subjects import SubjectSession
@@ -95,16 +79,11 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
             lambda each: DASH if each.reference else tr("yes") if each.held_out else tr("○ no"),
             is_text=True,
         ),
-        *(PageColumn(heading(name), partial(_mean_text, name)) for name in names),
+        *(PageColumn(table_cells.heading(name), partial(_mean_text, name)) for name in names),
     )
     caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
-    return table_of(
-        caption,
-        columns,
-        _blocks(scored),
-        notes=_shortfalls(results, trial, scored, names),
-        source="skeleton_scores",
-    )
+    notes = _shortfalls(results, trial, scored, names)
+    return table_cells.table_of(caption, columns, _blocks(scored), notes=notes, source="skeleton_scores")
 
 
 def _scored(results: StudyResults, rows: Iterable[Mapping[str, Any]]) -> list[Scored]:
@@ -134,7 +113,7 @@ def _made_from(scored: Scored) -> str:
 
 
 def _mean_text(name: str, scored: Scored) -> str:
-    return format_value(name, mean(row[name] for row in scored.rows if _is_known(name, row)))
+    return table_cells.format_value(name, mean(row[name] for row in scored.rows if _is_known(name, row)))
 
 
 def _is_known(name: str, row: Mapping[str, Any]) -> bool:
@@ -182,25 +161,26 @@ def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
         PageColumn(tr("Skeleton"), lambda each: each.model, is_text=True),
         PageColumn(tr("Calibrated on"), _made_from, is_text=True),
         PageColumn(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each.rows)}"),
-        quantile(heading("median_mm"), 0.5),
+        quantile(table_cells.heading("median_mm"), 0.5),
         quantile(tr("90th percentile [mm]"), 0.9),
-        quantile(heading("max_mm"), 1.0),
+        quantile(table_cells.heading("max_mm"), 1.0),
         PageColumn(
             f"> {FAR_MM:.0f} mm [%]", lambda each: _percent([e > FAR_MM for e in _sizes(each, "error_mm")])
         ),
         quantile(tr("Axis [deg]"), 0.5, "axis_deg"),
-        quantile(heading("bone_error_percent"), 0.5, "bone_error_percent"),
-        PageColumn(
-            tr("Within the stated 95 % region [%]"),
-            lambda each: _percent(
-                [row[half] for row in each.rows for half in HALVES_WITHIN_95 if row[half] is not None]
-            ),
-        ),
+        quantile(table_cells.heading("bone_error_percent"), 0.5, "bone_error_percent"),
+        PageColumn(tr("Within the stated 95 % region [%]"), _within_percent),
     )
     caption = tr(
         "Errors of joints against the truth, both hands: {who}. Axis, bone length: medians.", who=who
     )
-    return table_of(caption, columns, _blocks(scored), source="joint_errors")
+    return table_cells.table_of(caption, columns, _blocks(scored), source="joint_errors")
+
+
+def _within_percent(scored: Scored) -> str:
+    """Return the percentage of halves of joints whose true error is within the stated region."""
+    halves = [row[half] for row in scored.rows for half in HALVES_WITHIN_95]
+    return _percent([half for half in halves if half is not None])
 
 
 def _percent(answers: Sequence[bool]) -> str:
@@ -225,16 +205,11 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
     for recording in trial.recordings.values():
         digits = tuple(results.layouts[recording.hand].digits)
         rows: dict[str, Any] = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
-        cells = (
-            (
-                f"{tr(words)} [cm]",
-                *(
-                    number(row[f"{name}_mm"] / 10 if row and row[f"{name}_mm"] is not None else None)
-                    for row in rows.values()
-                ),
-            )
-            for name, words in STATISTICS.items()
-        )
+        cells = []
+        for name, words in STATISTICS.items():
+            values_mm = [row[f"{name}_mm"] if row else None for row in rows.values()]
+            numbers = [number(None if value is None else value / 10) for value in values_mm]
+            cells.append((f"{tr(words)} [cm]", *numbers))
         blocks.append(RowBlock(_header(recording.hand.hand, digits), tuple(cells)))
         notes += _notes(results, recording, rows)
     caption = f"{trial.who}, {trial.title}, {tr('model {model}', model=model.name)}."

@@ -6,25 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from shukotsu.report import table_cells
 from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
 from shukotsu.report.study_results import StudyResults
-from shukotsu.report.table_cells import (
-    DASH,
-    DataTable,
-    Folded,
-    PageColumn,
-    RowBlock,
-    anchor,
-    error_column,
-    heading,
-    link,
-    number,
-    quantity_column,
-    table_of,
-    text_column,
-    title,
-    with_error,
-)
+from shukotsu.report.table_cells import DASH, DataTable, Folded, PageColumn, RowBlock, number, title
 from shukotsu.scores.agreement import times_expected
 from shukotsu.study.findings import title_of
 from shukotsu.tables.subjects import Hand, path_token
@@ -42,15 +27,11 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     of_models = {model: _named_bones(results, hand, model) for model in results.models}
     names = _in_order(results, {name for bones in of_models.values() for name in bones})
     rows = tuple((name, *(_length(bones.get(name)) for bones in of_models.values())) for name in names)
-    messages = {
-        translated(row["message"]): None
-        for bones in of_models.values()
-        for row in bones.values()
-        if row["message"]
-    }
+    noted = [row["message"] for bones in of_models.values() for row in bones.values() if row["message"]]
+    messages = dict.fromkeys(map(translated, noted))
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=hand),
-        (RowBlock((heading("length_mm"), *results.models), rows),),
+        (RowBlock((table_cells.heading("length_mm"), *results.models), rows),),
         tuple(messages) if rows else (tr("No bone length was computed."),),
         source="bone_lengths",
     )
@@ -60,20 +41,18 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     """Return a table of bone lengths, mm: a row per hand, a column per bone, with verdicts."""
     of_hands = {hand: _named_bones(results, hand, model) for hand in results.hands}
     names = _in_order(results, {name for bones in of_hands.values() for name in bones})
-    rows = tuple(
-        (
-            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
-            word(hand.hand),
-            _count_believed(results, hand, bones),
-            *(_length(bones.get(name)) for name in names),
-        )
-        for hand, bones in of_hands.items()
-    )
+    rows, page = [], results.paths.report
+    for hand, bones in of_hands.items():
+        to = table_cells.link(hand.who.label, page, results.paths.subject_page(*hand.who))
+        lengths = [_length(bones.get(name)) for name in names]
+        believed = _count_believed(results, hand, bones)
+        rows.append((table_cells.anchor(to), word(hand.hand), believed, *lengths))
     shared = (tr(SHARED),) if lengths_are_shared(results, results.hands, model) else ()
-    header = (tr("Subject"), tr("Hand"), tr("Believed"))
+    bones_in_words = [word(name).replace("_", " ") for name in names]
+    header = (tr("Subject"), tr("Hand"), tr("Believed"), *bones_in_words)
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
-        (RowBlock((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
+        (RowBlock(header, tuple(rows) if names else ()),),
         (*shared, *agreement_notes(results, model)) if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
         "bone_lengths",
@@ -140,21 +119,21 @@ def _length(row: BoneLengthsRow | None) -> str:
         return DASH
     verdict = belief(row)
     sign = "" if verdict == BELIEVED else f" {verdict[0]}"
-    return with_error(row["length_mm"], row["sd_mm"], 1) + sign
+    return table_cells.with_error(row["length_mm"], row["sd_mm"], 1) + sign
 
 
 def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     """Return a table of the receivers' positions on a hand's bones, by model that fits the whole hand."""
     columns = (
-        text_column(tr("Receiver"), "segment"),
+        table_cells.text_column(tr("Receiver"), "segment"),
         PageColumn(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
-        error_column(tr("Along the bone [mm]"), "along", "mm", 2),
-        error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
-        error_column(tr("Above the bone [mm]"), "height", "mm", 2),
-        quantity_column("residual_mm"),
-        quantity_column("residual_deg"),
+        table_cells.error_column(tr("Along the bone [mm]"), "along", "mm", 2),
+        table_cells.error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
+        table_cells.error_column(tr("Above the bone [mm]"), "height", "mm", 2),
+        table_cells.quantity_column("residual_mm"),
+        table_cells.quantity_column("residual_deg"),
         PageColumn(tr("Came loose"), _loose, is_text=True),
-        text_column(tr("Message"), "message"),
+        table_cells.text_column(tr("Message"), "message"),
     )
     folded = []
     for model in results.fitted:
@@ -162,20 +141,18 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
         counts = ngettext("{n} receiver", "{n} receivers", len(rows))
         summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
         source = f"fits/{hand.hand}/{path_token(model)}/receivers"
-        folded.append(Folded(summary, table_of(summary, columns, rows, tr(NO_JOINT), source=source)))
+        table = table_cells.table_of(summary, columns, rows, tr(NO_JOINT), source=source)
+        folded.append(Folded(summary, table))
     return folded
 
 
 def _loose(row: ReceiversRow) -> str:
     if row["loose_from_frame"] is None:
         return ""
-    return tr(
-        "◆ {task} from frame {frame} on: moved {mm} mm, rotated {deg} deg",
-        task=row["loose_task"],
-        frame=row["loose_from_frame"],
-        mm=number(row["loose_shift_mm"], 1),
-        deg=number(row["loose_turn_deg"], 1),
-    ).replace("◆  ", "◆ ")
+    text = N_("◆ {task} from frame {frame} on: moved {mm} mm, rotated {deg} deg")
+    mm, deg = number(row["loose_shift_mm"], 1), number(row["loose_turn_deg"], 1)
+    loose = tr(text, task=row["loose_task"], frame=row["loose_from_frame"], mm=mm, deg=deg)
+    return loose.replace("◆  ", "◆ ")
 
 
 def measured_table(name: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:
@@ -186,12 +163,12 @@ def measured_table(name: str, rows: list[RangesOfMotionRow], *, with_recording: 
     caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=name)
     task = PageColumn(tr("Task"), title_of, is_text=True)
     columns = (
-        text_column(tr("Joint"), "joint"),
-        text_column(tr("Angle"), "angle"),
+        table_cells.text_column(tr("Joint"), "joint"),
+        table_cells.text_column(tr("Angle"), "angle"),
         *((task,) if with_recording else ()),
-        error_column(f"{tr('Range of motion')} [deg]", "range", "deg"),
-        *map(quantity_column, ("low_deg", "high_deg", "full_range_deg")),
-        error_column(f"{tr('Median')} [deg]", "median", "deg"),
-        *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
+        table_cells.error_column(f"{tr('Range of motion')} [deg]", "range", "deg"),
+        *map(table_cells.quantity_column, ("low_deg", "high_deg", "full_range_deg")),
+        table_cells.error_column(f"{tr('Median')} [deg]", "median", "deg"),
+        *map(table_cells.quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
     )
-    return table_of(caption, columns, rows, source="ranges_of_motion")
+    return table_cells.table_of(caption, columns, rows, source="ranges_of_motion")

@@ -14,26 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from markupsafe import Markup
 
 from shukotsu.errors import InputError
+from shukotsu.report import judged_models
 from shukotsu.report.belief import joint_anchor, reasons_of
-from shukotsu.report.figures.panels import page_picture, page_pictures, taken_failures
-from shukotsu.report.figures.study_figures import (
-    NO_CYCLES,
-    group_looks,
-    group_panels,
-    joints_in_order,
-    model_panels,
-    range_panels,
-    study_panels,
-)
-from shukotsu.report.judged_models import (
-    REPLAY,
-    big_numbers,
-    model_to_take,
-    used_text,
-)
+from shukotsu.report.figures import study_figures
+from shukotsu.report.figures.drawing import page_picture, page_pictures, taken_failures
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import compared_factors, read_movement, subject_groups
-from shukotsu.report.next_step import care_line, next_step
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
 from shukotsu.report.recording_results import read_stretch
@@ -81,9 +67,9 @@ def render_study(results: StudyResults, study: Study) -> str:
 
     Raises InputError if a file is not the expected table.
     """
-    panels, movement = model_panels(results), read_movement(results)
+    panels, movement = study_figures.model_panels(results), read_movement(results)
     factors, levels = compared_factors(results, study, movement), subject_groups(study)
-    replay = panels.pop(REPLAY, None)
+    replay = panels.pop(judged_models.REPLAY, None)
     with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
     ends = [f"{end:g}" for end in CLASSES_MM]
     packages = (f"{package} {metadata.version(package)}" for package in PACKAGES)
@@ -91,17 +77,18 @@ def render_study(results: StudyResults, study: Study) -> str:
         "view": _front(results),
         "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
         "models": page_pictures(panels.values()),
-        "groups": page_pictures(group_panels(factors, len(results.subjects))),
+        "groups": page_pictures(study_figures.group_panels(factors, len(results.subjects))),
         "replay": [("", page_picture(replay))] if replay else [],
         "ranges": {
             task: [("", page_picture(panel)) for panel in of_task]
-            for task, of_task in range_panels(movement).items()
+            for task, of_task in study_figures.range_panels(movement).items()
         },
         "curves": {
-            event: page_pictures(of_event) for event, of_event in study_panels(movement, levels).items()
+            event: page_pictures(of_event)
+            for event, of_event in study_figures.study_panels(movement, levels).items()
         },
-        "curve_looks": [*group_looks(dict.fromkeys(levels.values())).values()],
-        "no_curves": tr(NO_CYCLES),
+        "curve_looks": [*study_figures.group_looks(dict.fromkeys(levels.values())).values()],
+        "no_curves": tr(study_figures.NO_CYCLES),
     }
     for message in taken_failures():  # after every picture, before the list of problems
         results.add_problem(message)
@@ -109,11 +96,11 @@ def render_study(results: StudyResults, study: Study) -> str:
         "study.html.j2",
         tables_at="",
         study=results.name,
-        used=used_text(results),
-        numbers=big_numbers(results),
-        take=model_to_take(results),
-        doubted=care_line(results),
-        next=next_step(results),
+        used=judged_models.used_text(results),
+        numbers=judged_models.big_numbers(results),
+        take=judged_models.model_to_take(results),
+        doubted=judged_models.care_line(results),
+        next=judged_models.next_step(results),
         model=results.leading,
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),
@@ -239,7 +226,7 @@ def joint_picture(results: StudyResults) -> JointPicture | None:
         hand: {row["joint"]: row for row in results.joints_of.get((hand, model), [])}
         for hand in results.hands
     }
-    joints = joints_in_order(results, {joint for rows in of_hand.values() for joint in rows})
+    joints = study_figures.joints_in_order(results, {joint for rows in of_hand.values() for joint in rows})
     if not joints:
         return None
     rows = []

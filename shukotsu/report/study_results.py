@@ -27,20 +27,7 @@ from shukotsu.tables.typed_table import Table, key_of, read_metadata, read_table
 from shukotsu.translation import tr
 
 if TYPE_CHECKING:
-    from shukotsu.tables.rows import (
-        AgreementRow,
-        BoneLengthsRow,
-        GainsRow,
-        JointCentresRow,
-        JointErrorsRow,
-        ModelDifferencesRow,
-        ModelValuesRow,
-        ProblemsRow,
-        ReceiversRow,
-        RecordingsRow,
-        SkeletonScoresRow,
-        TipErrorsRow,
-    )
+    from shukotsu.tables import rows as row_types
 
 HandModel = tuple[Hand, str]
 RowType = TypeVar("RowType", bound=Mapping[str, Any])
@@ -56,18 +43,18 @@ class StudyRows:
     In tables with the key `made_without`, only rows of skeletons made from all tasks are included.
     """
 
-    recordings: list[RecordingsRow]
-    problems: list[ProblemsRow]
-    joint_centres: list[JointCentresRow]
-    bone_lengths: list[BoneLengthsRow]
-    tip_errors: list[TipErrorsRow]
-    skeleton_scores: list[SkeletonScoresRow]
-    joint_errors: list[JointErrorsRow]
-    receivers: list[ReceiversRow]
-    gains: list[GainsRow]
-    agreement: list[AgreementRow]
-    model_values: list[ModelValuesRow]
-    model_differences: list[ModelDifferencesRow]
+    recordings: list[row_types.RecordingsRow]
+    problems: list[row_types.ProblemsRow]
+    joint_centres: list[row_types.JointCentresRow]
+    bone_lengths: list[row_types.BoneLengthsRow]
+    tip_errors: list[row_types.TipErrorsRow]
+    skeleton_scores: list[row_types.SkeletonScoresRow]
+    joint_errors: list[row_types.JointErrorsRow]
+    receivers: list[row_types.ReceiversRow]
+    gains: list[row_types.GainsRow]
+    agreement: list[row_types.AgreementRow]
+    model_values: list[row_types.ModelValuesRow]
+    model_differences: list[row_types.ModelDifferencesRow]
 
 
 TABLES_READ = [field.name for field in fields(StudyRows)]
@@ -148,7 +135,7 @@ class StudyResults(HasRecordings):
         return self.with_rows(**counted)
 
     @cached_property
-    def findings(self) -> list[ProblemsRow]:
+    def findings(self) -> list[row_types.ProblemsRow]:
         """Problems that make recordings suspect, or for which recordings are refused, without notes."""
         stages = (STAGE, "capture")
         return [
@@ -158,7 +145,7 @@ class StudyResults(HasRecordings):
         ]
 
     @cached_property
-    def accepted(self) -> list[ProblemsRow]:
+    def accepted(self) -> list[row_types.ProblemsRow]:
         """Findings that the recordings sheet accepts with a reason."""
         return [row for row in self.rows.problems if row["accepted"]]
 
@@ -181,22 +168,22 @@ class StudyResults(HasRecordings):
         self.rows.problems.append(_problem(SubjectSession(""), "report", message))
 
     @cached_property
-    def joints_of(self) -> dict[HandModel, list[JointCentresRow]]:
+    def joints_of(self) -> dict[HandModel, list[row_types.JointCentresRow]]:
         """Rows of joints by hand and model."""
         return by_hand_and_model(self.rows.joint_centres)
 
     @cached_property
-    def bones_of(self) -> dict[HandModel, list[BoneLengthsRow]]:
+    def bones_of(self) -> dict[HandModel, list[row_types.BoneLengthsRow]]:
         """Rows of bones by hand and model."""
         return by_hand_and_model(self.rows.bone_lengths)
 
     @cached_property
-    def receivers_of(self) -> dict[HandModel, list[ReceiversRow]]:
+    def receivers_of(self) -> dict[HandModel, list[row_types.ReceiversRow]]:
         """Rows of receivers by hand and model."""
         return by_hand_and_model(self.rows.receivers)
 
     @cached_property
-    def gains_of(self) -> dict[HandModel, list[GainsRow]]:
+    def gains_of(self) -> dict[HandModel, list[row_types.GainsRow]]:
         """Rows of gains by hand and model."""
         return by_hand_and_model(self.rows.gains)
 
@@ -211,16 +198,18 @@ class StudyResults(HasRecordings):
         return leading_model(self.models, self.layouts.values())
 
     @cached_property
-    def _tip_error_of(self) -> dict[tuple[str, ...], TipErrorsRow]:
+    def _tip_error_of(self) -> dict[tuple[str, ...], row_types.TipErrorsRow]:
         key = [name for name in TIP_ERRORS.key if name != "made_without"]
         return {key_of(row, key): row for row in self.rows.tip_errors}
 
     @cached_property
-    def recording_row_of(self) -> dict[tuple[str, ...], RecordingsRow]:
+    def recording_row_of(self) -> dict[tuple[str, ...], row_types.RecordingsRow]:
         """Rows of the recordings table by subject, session, hand, task and trial."""
         return {row_key(row): row for row in self.rows.recordings}
 
-    def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> TipErrorsRow | None:
+    def tip_error(
+        self, recording: Recording, model: str, digit: str, binding: str
+    ) -> row_types.TipErrorsRow | None:
         """Return the row of tip_errors for a recording, model, digit and binding, or None."""
         return self._tip_error_of.get((*recording_key(recording), model, digit, binding))
 
@@ -277,7 +266,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     if a table is missing or a file is not the expected table.
     """
     paths = Results(folder)
-    failures: list[ProblemsRow] = []
+    failures: list[row_types.ProblemsRow] = []
     rows: dict[str, Any] = {
         name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in TABLES_READ
     }
@@ -316,7 +305,7 @@ def read_subject(plan: SubjectPlan, opened: Opened = open_parts) -> StudyResults
     )
 
 
-def _failed_files(study: Study, paths: Results) -> Iterator[ProblemsRow]:
+def _failed_files(study: Study, paths: Results) -> Iterator[row_types.ProblemsRow]:
     """Yield a problem for each export and then for each subject's page that could not be made."""
     for file in sorted(paths.exports.glob("*.failed.txt")) if study.exports else ():
         for message in file.read_text("utf-8").splitlines():
@@ -329,11 +318,11 @@ def _failed_files(study: Study, paths: Results) -> Iterator[ProblemsRow]:
             yield _problem(who, "subject_pages", message, task=page)
 
 
-def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> ProblemsRow:
+def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> row_types.ProblemsRow:
     return problem_row(stage, finding_of_text("", REFUSED, message), **who._asdict(), **where)
 
 
-def _study_rows(path: Path, table: Table, failures: list[ProblemsRow]) -> list[Any]:
+def _study_rows(path: Path, table: Table, failures: list[row_types.ProblemsRow]) -> list[Any]:
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected a {table.name} table")
     failure = read_metadata(path).get("failure")

@@ -14,29 +14,14 @@ from markupsafe import Markup
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
-from shukotsu.report import provenance
+from shukotsu.report import provenance, score_tables, skeleton_tables
 from shukotsu.report.belief import believed_counts, gain_lines, joint_table, near_lines
-from shukotsu.report.figures.panels import hand_panel, page_picture, taken_failures
+from shukotsu.report.figures.drawing import hand_panel, page_picture, taken_failures
 from shukotsu.report.figures.study_figures import lengths_panel
 from shukotsu.report.judged_models import numbers_texts, used_text
 from shukotsu.report.recording_page import failure_page, recording_links, recording_page, recording_title
 from shukotsu.report.recording_results import read_recording, read_still
-from shukotsu.report.score_tables import (
-    has_the_papers_digits,
-    least_squares_table,
-    printed_table,
-    score_table,
-    study_table,
-    table_title,
-    truth_table,
-)
-from shukotsu.report.skeleton_tables import (
-    SHARED,
-    bone_table,
-    lengths_are_shared,
-    measured_table,
-    receiver_tables,
-)
+from shukotsu.report.score_tables import printed_table
 from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded, link
@@ -60,6 +45,7 @@ def render_subject(results: StudyResults) -> str:
     (who,) = results.sessions
     hands, page = results.hands_of(*who), results.paths.subject_page(*who)
     lengths = lengths_panel(results, who, results.leading)
+    shared = skeleton_tables.lengths_are_shared(results, hands, results.leading)
     return render(
         "subject.html.j2",
         tables_at=f"../../{quote(results.paths.subject(*who).name)}/",
@@ -74,9 +60,9 @@ def render_subject(results: StudyResults) -> str:
         model=results.leading,
         hands=[_hand_part(results, hand) for hand in reversed(hands)],
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
-        truth=truth_table(results, who),
+        truth=score_tables.truth_table(results, who),
         lengths=page_picture(lengths) if lengths else "",
-        shared=tr(SHARED) if lengths_are_shared(results, hands, results.leading) else "",
+        shared=tr(skeleton_tables.SHARED) if shared else "",
         folded=_folded_tables(results, who),
     )
 
@@ -86,13 +72,10 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
     model = results.leading
     caption, still = _still(results, hand)
     rows, gains = results.joints_of.get((hand, model), []), results.gains_of.get((hand, model), [])
-    tables = [
-        Folded(
-            f"{name}: {believed_counts(results.joints_of.get((hand, name), []))}",
-            joint_table(results, hand, name),
-        )
-        for name in (model, *(name for name in results.models if name != model))
-    ]
+    tables = []
+    for name in (model, *(name for name in results.models if name != model)):
+        counts = believed_counts(results.joints_of.get((hand, name), []))
+        tables.append(Folded(f"{name}: {counts}", joint_table(results, hand, name)))
     return {
         "name": tr("{hand} hand", hand=hand.hand.capitalize()),
         "caption": caption,
@@ -125,19 +108,19 @@ def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
     """Return the section of one evaluated task: scores, if any, and the study's tables beside the paper's."""
-    beside = has_the_papers_digits(results, trial)
+    beside = score_tables.has_the_papers_digits(results, trial)
     return {
         "title": trial.title,
-        "scores": score_table(results, trial),
+        "scores": score_tables.score_table(results, trial),
         "pairs": [
             {
-                "title": table_title(model),
-                "table": study_table(results, trial, model),
+                "title": score_tables.table_title(model),
+                "table": score_tables.study_table(results, trial, model),
                 "printed": printed_table(model.paper_table) if beside and model.paper_table else None,
             }
             for model in results.models.values()
         ],
-        "least_squares": least_squares_table(results, trial),
+        "least_squares": score_tables.least_squares_table(results, trial),
     }
 
 
@@ -146,13 +129,13 @@ def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list
     hands = results.hands_of(*who)
     names = {hand: tr("{hand} hand", hand=hand.hand.capitalize()) for hand in hands}
     return {
-        "lengths": [Folded(names[hand], bone_table(results, hand)) for hand in hands],
+        "lengths": [Folded(names[hand], skeleton_tables.bone_table(results, hand)) for hand in hands],
         "ranges": [
-            Folded(names[hand], measured_table(str(hand), rows, with_recording=True))
+            Folded(names[hand], skeleton_tables.measured_table(str(hand), rows, with_recording=True))
             for hand in hands
             if (rows := results.hand_rows(RANGES_OF_MOTION, hand, results.leading))
         ],
-        "receivers": [folded for hand in hands for folded in receiver_tables(results, hand)],
+        "receivers": [folded for hand in hands for folded in skeleton_tables.receiver_tables(results, hand)],
         "recordings": [Folded(used_text(results), provenance.recordings_table(results))],
     }
 

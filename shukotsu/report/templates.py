@@ -65,8 +65,7 @@ def _environment() -> jinja2.Environment:
     )
     environment.policies["ext.i18n.trimmed"] = True
     environment.install_gettext_callables(tr, ngettext, newstyle=True)  # type: ignore[attr-defined]
-    environment.globals |= {"language": language, "tr": tr}
-    environment.globals["as_custom_property"] = as_custom_property
+    environment.globals |= {"language": language, "tr": tr, "as_custom_property": as_custom_property}
     environment.globals["script_texts"] = lambda: {name: tr(text) for name, text in SCRIPT_TEXTS.items()}
     environment.filters |= {"coded": coded, "capital": capital}
     for name in environment.list_templates(extensions=("j2", "css", "js")):

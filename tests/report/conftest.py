@@ -8,16 +8,8 @@ from pathlib import Path
 
 import pytest
 from browser import browser, watched_page  # noqa: F401
-from report_samples.made_study import (
-    FITTED_MODELS,
-    HOSTILE,
-    PAPERS,
-    SECOND_FIT,
-    MadeStudy,
-    compare_study,
-    make_study,
-    many_subjects,
-)
+from report_samples import made_study
+from report_samples.made_study import FITTED_MODELS, HOSTILE, PAPERS, SECOND_FIT, MadeStudy
 
 from shukotsu.report.study_results import StudyResults
 
@@ -27,7 +19,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
     """Two subjects without a known truth, under the paper's models and two whole-hand models."""
     models = (*PAPERS, "whole-hand", SECOND_FIT)
     folder = tmp_path_factory.mktemp("study")
-    return make_study(folder, models=models, n_frames=300, spoiled=(HOSTILE, "right"))
+    return made_study.make_study(folder, models=models, n_frames=300, spoiled=(HOSTILE, "right"))
 
 
 @pytest.fixture(scope="session")
@@ -50,9 +42,9 @@ def page(pages: dict[Path, str]) -> str:
 def fitted_study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
     """A simulated subject with a spoiled left hand, and models compared."""
     folder = tmp_path_factory.mktemp("fitted")
-    made_study = make_study(folder, models=FITTED_MODELS, subjects=("S01",), simulated=True)
-    compare_study(made_study.study, made_study.paths)
-    return made_study
+    fitted = made_study.make_study(folder, models=FITTED_MODELS, subjects=("S01",), simulated=True)
+    made_study.compare_study(fitted.study, fitted.paths)
+    return fitted
 
 
 @pytest.fixture(scope="session")
@@ -69,4 +61,4 @@ def fitted_page(fitted_study: MadeStudy) -> str:
 @pytest.fixture(scope="session")
 def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """Twelve simulated subjects with different numbers, and models compared."""
-    return many_subjects(tmp_path_factory.mktemp("twelve"), 12).results
+    return made_study.many_subjects(tmp_path_factory.mktemp("twelve"), 12).results

@@ -8,18 +8,8 @@ import pytest
 from report_samples.made_study import gain_rows
 from report_samples.pages import rows_where
 
-from shukotsu.report.belief import (
-    BELIEVED,
-    CARE,
-    MOST_GAINS,
-    NOT,
-    believed_counts,
-    gain_lines,
-    joint_table,
-    near_lines,
-    reasons_of,
-    wanted_text,
-)
+from shukotsu.report import belief
+from shukotsu.report.belief import BELIEVED, CARE, MOST_GAINS, NOT
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.templates import speaking
 from shukotsu.study import verdict
@@ -55,7 +45,7 @@ def test_every_kind_of_doubt_has_a_sentence(language: str) -> None:
     for kind in {*LIMITS} - OF_BONES - {verdict.NOT_SOLVED}:
         row = {**UNJUDGED, **note_doubts({kind: VALUES.get(kind, {})}), "message": ""}
         with speaking(language):
-            (sentence,) = reasons_of(row)
+            (sentence,) = belief.reasons_of(row)
         assert "{" not in sentence
         assert FOREIGN not in sentence
         assert sentence.isascii() == (language == "en")
@@ -63,8 +53,8 @@ def test_every_kind_of_doubt_has_a_sentence(language: str) -> None:
 
 def test_the_wanted_error_is_listed_for_each_layout() -> None:
     arm, hand = read_layout("arm"), read_layout("liberty16")
-    assert wanted_text([hand, hand]) == "2"
-    assert wanted_text([arm, hand], 3.0) == "6 or 30"
+    assert belief.wanted_text([hand, hand]) == "2"
+    assert belief.wanted_text([arm, hand], 3.0) == "6 or 30"
 
 
 def _with_changed_row(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
@@ -94,21 +84,21 @@ def _with_changed_row(results: StudyResults, model: str, joint: str, **changes: 
 def test_verdict_and_reasons_follow_from_the_row(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
-    table = joint_table(_with_changed_row(fitted, model, "index_pip", **changes), LEFT, model)
+    table = belief.joint_table(_with_changed_row(fitted, model, "index_pip", **changes), LEFT, model)
     (row,) = (row for row in table.blocks[0].rows if ">index_pip<" in row[0] or row[0] == "index_pip")
     assert (row[1], row[-1]) == (believed, why)
 
 
 def test_the_joint_table_lists_every_joint_with_its_numbers(fitted: StudyResults) -> None:
     rows = rows_where(fitted.rows.joint_centres, subject="S01", hand="left", model="whole-hand")
-    block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
+    block = belief.joint_table(fitted, LEFT, "whole-hand").blocks[0]
     assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Range moved [deg]")
     for row, cells in zip(rows, block.rows, strict=True):
         sd, moved = row["sd_mm"], row["range_deg"]
         assert cells[0] == f'<span id="left-{row["joint"]}">{row["joint"]}</span>'
         assert cells[2:4] == ("–" if sd is None else f"{sd:.1f}", "–" if moved is None else f"{moved:.1f}")
     counted = [len(rows_where(rows, verdict=verdict)) for verdict in ("believe", "care", "no")]
-    assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
+    assert belief.believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
 
 
 def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: StudyResults) -> None:
@@ -116,24 +106,24 @@ def test_a_joint_slightly_over_the_limit_states_its_remaining_uses(fitted: Study
     believed = rows_where(fitted.joints_of[LEFT, "whole-hand"], verdict="believe")
     row = {**believed[0], "sd_mm": 2.2, **note_doubts({verdict.UNCERTAIN: {"wanted_mm": 2.0}})}
     mends = {**gain_rows()[0], "joint": row["joint"], "joint_sd_after_mm": 1.9}
-    helps = near_lines([row], [mends], layout)
+    helps = belief.near_lines([row], [mends], layout)
     assert "the error is 2 to 2.5 mm" in helps[0]
     assert "moment arms" in helps[0]
-    assert helps[1:] == gain_lines([mends])
+    assert helps[1:] == belief.gain_lines([mends])
     with speaking("ja"):
-        assert row["joint"] not in near_lines([row], [mends], layout)[0]
-    assert "bend slowly" in near_lines([row], [{**mends, "joint_sd_after_mm": 2.1}], layout)[1]
-    assert near_lines([row | {"sd_mm": 2.6}, row | {"sd_mm": 1.9}], [mends], layout) == []
+        assert row["joint"] not in belief.near_lines([row], [mends], layout)[0]
+    assert "bend slowly" in belief.near_lines([row], [{**mends, "joint_sd_after_mm": 2.1}], layout)[1]
+    assert belief.near_lines([row | {"sd_mm": 2.6}, row | {"sd_mm": 1.9}], [mends], layout) == []
 
 
 def test_the_three_best_gains_are_written_as_sentences(fitted: StudyResults) -> None:
     rows = next(iter(fitted.gains_of.values()))
-    lines = gain_lines(rows)
+    lines = belief.gain_lines(rows)
     assert len(lines) == min(len(rows), MOST_GAINS)
     for line, row in zip(lines, rows, strict=False):
         assert f"to within {row['sd_mm']:.1f} mm would reduce " in line
         assert f"from {row['joint_sd_before_mm']:.1f} to {row['joint_sd_after_mm']:.1f} mm" in line
         assert f"joints: {row['mean_sd_before_mm']:.2f} to {row['mean_sd_after_mm']:.2f} mm)." in line
-    text = " ".join(gain_lines(gain_rows()))
+    text = " ".join(belief.gain_lines(gain_rows()))
     assert "Touching a known point with the ring fingertip" in text
     assert "Measuring the " in text

@@ -12,7 +12,7 @@ from report_samples.made_study import FITTED_MODELS, write
 
 from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
-from shukotsu.report.figures.panels import NoDataError
+from shukotsu.report.figures.drawing import NoDataError
 from shukotsu.report.figures.study_figures import groups, ranges_of_motion, study_cycles
 from shukotsu.report.methods_text import methods_text
 from shukotsu.report.movement_results import (

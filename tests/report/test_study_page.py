@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from report_samples.made_study import MadeStudy, many_subjects
 from report_samples.pages import read_page, rows_where, table_called
 
-from shukotsu.report.judged_models import WIDTH, big_numbers, numbers_texts, outcome_text, used_text
-from shukotsu.report.next_step import care_line, next_step
+from shukotsu.report import judged_models
+from shukotsu.report.judged_models import WIDTH
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import anchor, link
@@ -52,7 +52,7 @@ def test_the_headline_numbers_follow_from_the_tables(fitted: StudyResults, fitte
     sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
     scored = rows_where(fitted.rows.model_values, metric="error_mm", model="whole-hand", digit="")
     errors = [row["value"] for row in scored]
-    joints, error, findings = big_numbers(fitted)
+    joints, error, findings = judged_models.big_numbers(fitted)
     assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
     assert (error.value, error.unit) == (f"{sd_mm:.1f}", "mm")
     assert error.of.endswith(f"{sum(errors) / len(errors):.1f} mm on average")
@@ -69,10 +69,10 @@ def _suspect(results: StudyResults, *hands: str) -> StudyResults:
 
 
 def test_hands_with_findings_are_left_out_of_the_headline_numbers(fitted: StudyResults) -> None:
-    joints, _, findings = big_numbers(_suspect(fitted, "left"))
+    joints, _, findings = judged_models.big_numbers(_suspect(fitted, "left"))
     right = rows_where(fitted.rows.joint_centres, model="whole-hand", hand="right")
     assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
-    joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
+    joints, error, findings = judged_models.big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
     assert joints.of == "can be believed: whole-hand solved no joint of a hand without findings"
 
@@ -80,12 +80,13 @@ def test_hands_with_findings_are_left_out_of_the_headline_numbers(fitted: StudyR
 def test_headline_numbers_read_as_sentences_in_singular_and_plural(fitted: StudyResults) -> None:
     """So do a missing number and recordings that are left out of all statistics."""
     suspect = _suspect(fitted, "left", "right")
-    assert numbers_texts(_suspect(fitted, "left"))[2].startswith("1 of 2 hands has recordings")
+    assert judged_models.numbers_texts(_suspect(fitted, "left"))[2].startswith("1 of 2 hands has recordings")
     one = replace(fitted, recordings=[row for row in fitted.recordings if row.hand.hand == "left"])
-    assert numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
-    assert numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
-    assert numbers_texts(suspect)[1] == "No typical error can be stated, because no joint is counted."
-    assert used_text(suspect).startswith(
+    assert judged_models.numbers_texts(one)[2] == "0 of 1 hand has recordings with a mistake."
+    assert judged_models.numbers_texts(fitted)[2] == "0 of 2 hands have recordings with a mistake."
+    _, typical, _ = judged_models.numbers_texts(suspect)
+    assert typical == "No typical error can be stated, because no joint is counted."
+    assert judged_models.used_text(suspect).startswith(
         "0 of 4 recordings used (4 left out of all statistics because of findings)"
     )
 
@@ -96,8 +97,8 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
     """
     believed = [row | {"verdict": "believe"} for row in fitted.rows.joint_centres]
     sure = fitted.with_rows(joint_centres=believed)
-    assert (care_line(sure), next_step(sure)) == ("", "")
-    assert next_step(_suspect(fitted, "left")).startswith("Next: correct the mistakes found")
+    assert (judged_models.care_line(sure), judged_models.next_step(sure)) == ("", "")
+    assert judged_models.next_step(_suspect(fitted, "left")).startswith("Next: correct the mistakes found")
 
     def doubted(*joints: str, **doubts: object) -> StudyResults:
         doubt = {"sd_mm": 5.0, "verdict": "care", **note_doubts(doubts)}
@@ -106,15 +107,15 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
 
     little = doubted("thumb_ip", "thumb_mcp", **{MOVED_LITTLE: {"range_deg": 3.0}})
     reason = "moved only 3 deg; skin motion alone can cause this"
-    assert care_line(little) == f"Use with care: thumb_mcp and thumb_ip: {reason}."
+    assert judged_models.care_line(little) == f"Use with care: thumb_mcp and thumb_ip: {reason}."
     serves = "bend and straighten the thumb alone for 10 s; this would improve thumb_mcp and thumb_ip."
-    assert next_step(little) == f"Next: {serves}"
+    assert judged_models.next_step(little) == f"Next: {serves}"
     dead = doubted("index_dip", **{NO_POSE: {"segments": ["index_distal"]}})
     worn = "wear a receiver on index_distal, and record again; this would improve index_dip."
-    assert next_step(dead) == f"Next: {worn}"
+    assert judged_models.next_step(dead) == f"Next: {worn}"
     placed = doubted("wrist", **{BY_ANATOMY: {}})
-    assert next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
-    assert "Measuring" in next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))
+    assert judged_models.next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
+    assert "Measuring" in judged_models.next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))
 
 
 def test_without_errors_from_recordings_there_is_no_typical_error(fitted: StudyResults) -> None:
@@ -123,13 +124,13 @@ def test_without_errors_from_recordings_there_is_no_typical_error(fitted: StudyR
         row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None})
         for row in fitted.rows.joint_centres
     ]
-    joints, error, _ = big_numbers(fitted.with_rows(joint_centres=rows))
+    joints, error, _ = judged_models.big_numbers(fitted.with_rows(joint_centres=rows))
     assert (error.value, error.of) == ("–", f"the recordings determine the error of none {joints.unit}")
     unworn = [
         row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {})
         for row in fitted.rows.joint_centres
     ]
-    fewer, error, _ = big_numbers(fitted.with_rows(joint_centres=unworn))
+    fewer, error, _ = judged_models.big_numbers(fitted.with_rows(joint_centres=unworn))
     assert int(fewer.unit.split()[1]) == int(joints.unit.split()[1]) - 2
     assert fewer.of.endswith("; joints without a receiver, not counted: 2")
     worn = [row for row in rows_where(unworn, model="whole-hand") if row["reason"] != "not-worn"]
@@ -207,7 +208,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_folded(
     assert "<li>subject S10, left hand, rom: after correction, the gap of index_pip falls" in shown
     assert shown.index("seem to be the inverse") < shown.index("0 stray")
     assert folded.count("stray") == 3
-    text = outcome_text(many)
+    text = judged_models.outcome_text(many)
     assert text.index("seem to be the inverse") < text.index("0 stray")
     assert "and 3 more; see the report" in text
     assert max(map(len, text.splitlines())) <= WIDTH
@@ -216,7 +217,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_folded(
 def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, fitted_study: MadeStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shukotsu.report.figures.panels.page_figure", lambda _: {}["x"])
+    monkeypatch.setattr("shukotsu.report.figures.drawing.page_figure", lambda _: {}["x"])
     page = render_study(fitted.with_rows(problems=[*fitted.rows.problems]), fitted_study.study)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]

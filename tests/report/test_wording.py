@@ -128,9 +128,7 @@ def test_a_japanese_report_has_no_english_left(fitted_study: MadeStudy) -> None:
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))
 
 
-def test_without_a_font_only_figures_for_print_are_in_english(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_a_font_only_figures_for_print_are_in_english(monkeypatch: pytest.MonkeyPatch) -> None:
     """A note states which font to install; pages stay in the language, since their readers have fonts."""
     monkeypatch.setattr(style, "font_of", lambda _: None)
     assert (style.print_language("ja"), style.print_language("en"), style.font_note("en")) == ("en", "en", "")

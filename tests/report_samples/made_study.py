@@ -41,19 +41,12 @@ from shukotsu.study.plan_file import StudyPlans, plan_text, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, MODEL_COMPARISONS, STUDY_TABLES, Results
 from shukotsu.study.study import Recording, Study, read_study
 from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, note_doubts
+from shukotsu.tables import typed_table
 from shukotsu.tables.catalogue import DISTAL_RECEIVER, FINDINGS, JOINT_CENTRES, POSES, TABLES
 from shukotsu.tables.parts import Part, parts_writer
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.subjects import path_token
-from shukotsu.tables.typed_table import (
-    Provenance,
-    Table,
-    columns_from_rows,
-    read_table,
-    rows_of,
-    write_failure,
-    write_table,
-)
+from shukotsu.tables.typed_table import Provenance, Table
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.study_tables import gather_study
 
@@ -125,7 +118,8 @@ class MadeStudy:
         """Return the rows of S01's right hand under a model whose columns have the wanted values."""
         wanted |= {"hand": "right", "model": model}
         plan = read_plan(self.paths.plan("S01"))
-        return rows_where(rows_of(read_table(plan.table(table.name, "right", model), table)), **wanted)
+        read = typed_table.read_table(plan.table(table.name, "right", model), table)
+        return rows_where(typed_table.rows_of(read), **wanted)
 
 
 @cache
@@ -134,9 +128,9 @@ def exact_hand(hand: str, n_frames: int) -> tuple[Simulated, dict[str, list[Row]
     simulated = simulate(RecordingName("", hand, "opposition"), 7, Realism.exact(), n_frames)
     with TemporaryDirectory() as folder:
         write_truth(Path(folder), simulated, NO_SOURCE)
-        names = ("joint_centres", "bone_lengths")
-        tables = {name: read_table(Path(folder, f"{name}.parquet"), TABLES[name]) for name in names}
-    return simulated, {name: list(rows_of(table)) for name, table in tables.items()}
+        files = {name: Path(folder, f"{name}.parquet") for name in ("joint_centres", "bone_lengths")}
+        tables = {name: typed_table.read_table(file, TABLES[name]) for name, file in files.items()}
+    return simulated, {name: list(typed_table.rows_of(table)) for name, table in tables.items()}
 
 
 def make_study(
@@ -181,8 +175,8 @@ def make_study(
 
 def write(path: Path, table: Table, rows: Sequence[Row]) -> None:
     """Write rows as a table of the study; text columns that a row lacks are empty."""
-    columns = columns_from_rows(table, [lacking_text(table) | row for row in rows])
-    write_table(path, table, columns, NO_SOURCE)
+    columns = typed_table.columns_from_rows(table, [lacking_text(table) | row for row in rows])
+    typed_table.write_table(path, table, columns, NO_SOURCE)
 
 
 def lacking_text(table: Table) -> dict[str, str]:
@@ -201,7 +195,7 @@ def _write_subject(
             hand, key = recording.hand.hand, recording.key
             if hand == failed:
                 message = f"{recording.source.file_as_written}: row 7, column x_mm: 'n/a' is <not> a number"
-                write_failure(plan.poses(recording), POSES, message, Provenance((), key))
+                typed_table.write_failure(plan.poses(recording), POSES, message, Provenance((), key))
                 continue
             recorded = exact_hand(hand, n_frames)[0].poses()
             recorded.valid[UNSEEN, recorded.index("index_distal")] = False
@@ -236,8 +230,8 @@ def _write_subject(
                     rows["length_pulls"][part] = pull_rows(part.hand)
                     rows["cycle_curves"][part] = cycle_rows(key, part)
                     _write_fit(plan, part, key, n_frames, error_mm)
-    columns = columns_from_rows(FINDINGS, [])
-    write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}}))
+    columns = typed_table.columns_from_rows(FINDINGS, [])
+    typed_table.write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}}))
     for name, of_parts in rows.items():
         table = TABLES[name]
         for path in plan.files_of(name):
@@ -513,7 +507,7 @@ def many_subjects(
             if name in SCALED and column.name.endswith("_mm") and pa.types.is_floating(column.type)
         ]
         repeated = []
-        rows = read_table(path, table).to_pylist()
+        rows = typed_table.read_table(path, table).to_pylist()
         for subject in names:
             for row in rows:
                 factor = factors.get((subject, row.get("model", "")), 1.0)

@@ -21,23 +21,12 @@ from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.known_digits import root_of
 from shukotsu.movement.cycle_curves import PERCENT
-from shukotsu.report.figures.panels import (
-    FOOT_MM,
-    PLAIN,
-    Drawing,
-    NoDataError,
-    Panel,
-    count_range,
-    draw_figure,
-    in_rows,
-    locator,
-    not_drawn,
-    print_figure,
-    value_scale,
-)
+from shukotsu.report import palette
+from shukotsu.report.figures import drawing
+from shukotsu.report.figures.drawing import FOOT_MM, PLAIN, Drawing, NoDataError, Panel
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.movement_results import Curve, recording_curves, why_no_curves
-from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
+from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT
 from shukotsu.report.recording_results import ANGLE_COLUMNS, ANGLES, reader_of
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
@@ -77,17 +66,17 @@ def angle_looks() -> dict[str, CurveLook]:
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
     """Draw a recording's figures: tip-error, and joint-angles and cycle-curves under every fitted model."""
-    yield draw_figure("tip-error", partial(tip_error, results, recording))
+    yield drawing.draw_figure("tip-error", partial(tip_error, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
-        yield draw_figure(name, partial(joint_angles, results, recording, model))
+        yield drawing.draw_figure(name, partial(joint_angles, results, recording, model))
     if not results.fitted:
         reason = tr("joint angles need a model that fits the whole hand, and this study has none")
-        yield not_drawn("joint-angles", reason)
+        yield drawing.not_drawn("joint-angles", reason)
     for model in results.fitted or [results.leading]:
         for event in recording_curves(results, recording, model) or [""]:
             name = "_".join(["cycle-curves", path_token(model), *([path_token(event)] if event else [])])
-            yield draw_figure(name, partial(recording_cycles, results, recording, model, event))
+            yield drawing.draw_figure(name, partial(recording_cycles, results, recording, model, event))
 
 
 def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
@@ -95,11 +84,8 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
 
     Raises InputError with a list of the recordings if there is no match.
     """
-    of_hand = [
-        recording
-        for recording in results.recordings
-        if recording.hand.hand == hand and subject in (recording.hand.who.label, recording.hand.who.token)
-    ]
+    of_side = [recording for recording in results.recordings if recording.hand.hand == hand]
+    of_hand = [each for each in of_side if subject in (each.hand.who.label, each.hand.who.token)]
     for recording in of_hand:
         plain = recording.task + (f"_{recording.trial}" if recording.trial else "")
         if name in (recording.name, plain):
@@ -179,13 +165,14 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
                     traces[model, digit] = trace
     if not traces:
         raise NoDataError(tr("no model has a tip error in this recording"))
-    scale = value_scale(np.concatenate([trace.high[np.isfinite(trace.high)] for trace in traces.values()]))
-    looks = model_looks(list(results.models))
+    highest = np.concatenate([trace.high[np.isfinite(trace.high)] for trace in traces.values()])
+    scale = drawing.value_scale(highest)
+    looks = palette.looks(list(results.models), palette.MODELS)
 
     def draw(axes: Axes, digit: str) -> None:
         """Draw, for each model, a line at the largest error in each column, shaded down to the smallest."""
         axes.set(yscale=scale.kind, ylim=(scale.low, scale.high), ylabel=tr("Tip error [mm]"))
-        axes.yaxis.set_major_locator(locator(scale))
+        axes.yaxis.set_major_locator(drawing.locator(scale))
         _time_axes(axes, x, time_words if digit == digits[-1] else "")
         models = [model for model, of_digit in traces if of_digit == digit]
         for index, model in enumerate(models):
@@ -208,23 +195,20 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     handles = [
         Line2D([], [], color=looks[name].colour, marker=looks[name].marker, label=name) for name in models
     ]
-    rows = [
-        row
-        for row in results.rows.tip_errors
-        if (row["binding"], row_key(row)) == (LEAST_SQUARES, recording_key(recording))
-        and row["mean_mm"] is not None
-    ]
+    key = LEAST_SQUARES, recording_key(recording)
+    bound = [row for row in results.rows.tip_errors if (row["binding"], row_key(row)) == key]
+    rows = [row for row in bound if row["mean_mm"] is not None]
     means = [
         f"{model} {number(mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"
         for model in models
     ]
-    return print_figure(in_rows(panels, 1), handles), tr(
+    return drawing.print_figure(drawing.in_rows(panels, 1), handles), tr(
         "Tip error over time of {recording_text}: distance from the replayed fingertip to the distal "
         "receiver, least-squares binding [mm]; n = {n} frames per digit. Line: largest value in each "
         "interval that print can resolve; shaded: down to the smallest; interrupted at missing frames. Mean "
         "over digits: {means}. It shows how well the two sides of each joint agree, not where the joint is.",
         recording_text=recording_text(recording),
-        n=count_range([row["n_frames"] for row in rows] or [0]),
+        n=drawing.count_range([row["n_frames"] for row in rows] or [0]),
         means="; ".join(means),
     )
 
@@ -256,16 +240,13 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
 
     rows = []
     for line in lines:
-        last = line is lines[-1]
-        rows.append(
-            [
-                Panel(word(joint), word(joint), _ANGLE_MM, FOOT_MM if last else 1.0,
-                      partial(draw, joint=joint, first=joint == line[0], last=last))
-                for joint in line
-            ]
-        )  # fmt: skip
+        last, row = line is lines[-1], []
+        for joint in line:
+            drawn = partial(draw, joint=joint, first=joint == line[0], last=last)
+            row.append(Panel(word(joint), word(joint), _ANGLE_MM, FOOT_MM if last else 1.0, drawn))
+        rows.append(row)
     handles = [Line2D([], [], color=look.colour, label=look.label) for look in angle_looks().values()]
-    return print_figure(rows, handles), tr(
+    return drawing.print_figure(rows, handles), tr(
         "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint coordinate system of "
         "Grood and Suntay, with the signs that the International Society of Biomechanics recommends for the "
         "hand: flexion, ulnar deviation and pronation are positive [deg]. Line: largest value in each "
@@ -308,18 +289,14 @@ def curve_panels(
 
     joints : curves by joint and then by the names in `looks`.
     """
-    ends = [
-        curve.mean_deg + side * np.nan_to_num(curve.sd_deg)
-        for curves in joints.values()
-        for curve in curves.values()
-        for side in (-1.0, 1.0)
-    ]
-    low, high = np.nanmin(ends), np.nanmax(ends)
+    every = [curve for curves in joints.values() for curve in curves.values()]
+    low = np.nanmin([curve.mean_deg - np.nan_to_num(curve.sd_deg) for curve in every])
+    high = np.nanmax([curve.mean_deg + np.nan_to_num(curve.sd_deg) for curve in every])
     pad = 0.06 * (high - low) or 1.0
     panels = {}
     for joint, curves in joints.items():
         shown = {name: curves[name] for name in looks if name in curves}
-        counts = list(dict.fromkeys(count_range(curve.n.astype(int)) for curve in shown.values()))
+        counts = list(dict.fromkeys(drawing.count_range(curve.n.astype(int)) for curve in shown.values()))
         draw = partial(_draw_curves, curves=shown, looks=looks, limits_deg=(low - pad, high + pad))
         heading = tr("{joint}, n = {n}", joint=word(joint), n=tr(", ").join(counts))
         panels[joint] = Panel(heading, f"{title}: {heading}", _CURVE_MM, FOOT_MM, draw)
@@ -327,10 +304,7 @@ def curve_panels(
 
 
 def _draw_curves(
-    axes: Axes,
-    curves: Mapping[str, Curve],
-    looks: Mapping[str, CurveLook],
-    limits_deg: tuple[float, float],
+    axes: Axes, curves: Mapping[str, Curve], looks: Mapping[str, CurveLook], limits_deg: tuple[float, float]
 ) -> None:
     """Draw means over the cycle, with a shade of one standard deviation to each side."""
     axes.set(xlim=(0, 100), ylim=limits_deg, xlabel=tr("Cycle [%]"), ylabel=tr("Angle [deg]"))
@@ -371,7 +345,7 @@ def recording_cycles(
     rows = [
         [panels[joint] for joint in row] for row in digit_rows(results.layouts[recording.hand], curves[event])
     ]
-    return print_figure(rows, legend_handles(angle_looks().values())), tr(
+    return drawing.print_figure(rows, legend_handles(angle_looks().values())), tr(
         "Joint angles over the cycle of {recording_text}, model {model}: means over n cycles, each from one "
         "event “{event}” to the next event or to the end of the same event, at each percent of its duration "
         "[deg]. Shaded: ± one standard deviation over cycles. Flexion, ulnar deviation and pronation are "

@@ -15,61 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from shukotsu.report import judged_models, movement_results, palette
 from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_text
-from shukotsu.report.figures.panels import (
-    FEWEST_FOR_QUARTILES,
-    FOOT_MM,
-    LINE_MM,
-    ROW_LETTERS,
-    ROW_MM,
-    Drawing,
-    NoDataError,
-    Panel,
-    PanelRow,
-    Scale,
-    count_range,
-    draw_figure,
-    draw_rows,
-    in_rows,
-    panel_names,
-    print_figure,
-    row_axes,
-    scatter_steps,
-    study_text,
-    value_scale,
-)
+from shukotsu.report.figures import drawing
+from shukotsu.report.figures.drawing import FOOT_MM, ROW_MM, Drawing, NoDataError, Panel, PanelRow, Scale
 from shukotsu.report.figures.recording_figures import CurveLook, curve_panels, legend_handles
 from shukotsu.report.figures.style import wrap_text
-from shukotsu.report.judged_models import (
-    LEFT_OUT,
-    PRIOR,
-    REPLAY,
-    TRUTH,
-    JudgedModels,
-    judged_models,
-    taken_model,
-)
-from shukotsu.report.movement_results import (
-    OF_ANGLE,
-    RANGE,
-    ComparedFactor,
-    StudyMovement,
-    compared_factors,
-    read_movement,
-    subject_groups,
-)
-from shukotsu.report.palette import (
-    AMBER,
-    INK,
-    NO,
-    PAPER,
-    RULE,
-    SOFT,
-    Look,
-    digit_looks,
-    level_looks,
-    model_looks,
-)
+from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels
+from shukotsu.report.movement_results import OF_ANGLE, RANGE, ComparedFactor, StudyMovement
+from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import QUANTITIES, alike, capital, heading
@@ -89,14 +43,11 @@ if TYPE_CHECKING:
 
 def of_study(results: StudyResults, study: Study) -> Iterator[Drawing]:
     """Draw the study's figures in the order of STUDY_FIGURES."""
-    taken = {
-        "results": results,
-        "study": study,
-        "movement": read_movement(results),
-        "groups": subject_groups(study),
-    }
+    taken: dict[str, object] = {"results": results, "study": study}
+    taken["movement"] = movement_results.read_movement(results)
+    taken["groups"] = movement_results.subject_groups(study)
     for name, (function, *arguments) in STUDY_FIGURES.items():
-        yield draw_figure(name, partial(globals()[function], *map(taken.__getitem__, arguments)))
+        yield drawing.draw_figure(name, partial(globals()[function], *map(taken.__getitem__, arguments)))
 
 
 _MODEL_ROW_MM = 6.0
@@ -108,9 +59,10 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
 
     The recommended model is first, and models with equal numbers share a row.
     """
-    judged, first = {each.metric: each for each in judged_models(results)}, taken_model(results)
+    judged = {each.metric: each for each in judged_models.judged_models(results)}
+    first = judged_models.taken_model(results)
     metrics = [*([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT]), REPLAY]
-    looks = model_looks(list(results.models)) | {PRIOR: Look(SOFT, "o")}
+    looks = palette.looks(list(results.models), palette.MODELS) | {PRIOR: Look(SOFT, "o")}
     names_in_order = sorted((*results.models, PRIOR), key=lambda name: name != first)
     panels = {}
     for each in (judged[metric] for metric in metrics if metric in judged):
@@ -118,14 +70,15 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         for names in alike({name: each.values[name] for name in names_in_order if name in each.values}):
             numbers = each.values[names[0]]
             values = np.array(list(numbers.values()))
-            interval, words = paired_difference(values).interval, wrap_text(", ".join(names), ROW_LETTERS)
+            interval = paired_difference(values).interval
+            words = wrap_text(", ".join(names), drawing.ROW_LETTERS)
             rows.append(PanelRow("\n".join(words), looks[names[0]], numbers, float(values.mean()), interval))
-        scale = value_scale([value for row in rows for value in row.values()])
+        scale = drawing.value_scale([value for row in rows for value in row.values()])
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
         shown = listed(row.name.replace("\n", " ") for row in rows)
         title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=shown)
         counts = [len(row.numbers) for row in rows]
-        most, shown_n = max(counts), count_range(counts)
+        most, shown_n = max(counts), drawing.count_range(counts)
         kind = ngettext("n = {n_of} subject, held out", "n = {n_of} subjects, held out", most, n_of=shown_n)
         if not each.held_out:
             kind = ngettext(
@@ -135,17 +88,17 @@ def model_panels(results: StudyResults) -> dict[str, Panel]:
         drawn = partial(_draw_models, rows=rows, axis=axis, scale=scale, decimals=decimals)
         draw = partial(drawn, of_all=len(results.subjects))
         lines = 1 + max(row.name.count("\n") for row in rows)
-        height_mm = max(_MODEL_ROW_MM, LINE_MM * (lines + 0.5))
+        height_mm = max(_MODEL_ROW_MM, drawing.LINE_MM * (lines + 0.5))
         panels[each.metric] = Panel(kind, title, height_mm * (len(rows) + 1), FOOT_MM, draw)
     return panels
 
 
 def _draw_models(axes: Axes, rows: Sequence[PanelRow], scale: Scale, **more: Any) -> None:
     """Draw rows of dots with a line through the dots of each subject; more : arguments of draw_rows."""
-    draw_rows(axes, rows, scale=scale, **more)
+    drawing.draw_rows(axes, rows, scale=scale, **more)
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
-    y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scatter_steps(len(names))]
+    y = [[*(aside + np.arange(len(rows))), np.nan] for aside in drawing.scatter_steps(len(names))]
     axes.plot(np.maximum(np.ravel(x), scale.low), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
 
 
@@ -156,14 +109,14 @@ def models(results: StudyResults) -> tuple[Figure, str]:
         raise NoDataError(tr("no model of this study has a score; see skeleton_scores and problems"))
     headings = [
         (f"({name}) " if name else "") + f"{panel.title.rstrip('.')}, {panel.heading}."
-        for name, panel in zip(panel_names(len(panels)), panels, strict=True)
+        for name, panel in zip(drawing.panel_names(len(panels)), panels, strict=True)
     ]
-    return print_figure(in_rows(panels, 2)), tr(
+    return drawing.print_figure(drawing.in_rows(panels, 2)), tr(
         "Comparison of skeleton models. {study_text} Each dot is a subject (mean over hands, recordings and "
         "digits), and lines join the dots of one subject; mark: mean; bar: 95 % confidence interval of the "
         "mean, for {n} or more subjects. The tip error of the replay shows how well the two sides of each "
         "joint agree, not where the joint is. {headings}",
-        study_text=study_text(results),
+        study_text=drawing.study_text(results),
         n=FEWEST_SUBJECTS,
         headings=" ".join(headings),
     )
@@ -194,26 +147,21 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
 
     Raises NoDataError if the truth is unknown.
     """
-    judged = next((each for each in judged_models(results) if each.metric == TRUTH), None)
+    judged = next((each for each in judged_models.judged_models(results) if each.metric == TRUTH), None)
     if judged is None:
         raise NoDataError(tr("the true joints are not known, or no model has a joint that could be compared"))
     errors = _errors_of_models(results, judged)
     of_hands = [of_hand for each in errors.values() for of_hand in each.error_mm.values()]
-    scale = value_scale([error for of_hand in of_hands for error in of_hand.values()])
+    scale = drawing.value_scale([error for of_hand in of_hands for error in of_hand.values()])
     prior = errors.pop(PRIOR, _ModelErrors())
     joints = joints_in_order(results, {joint for each in errors.values() for joint in each.error_mm})
-    looks = model_looks(list(results.models))
+    looks = palette.looks(list(results.models), palette.MODELS)
     panels = []
     for names in alike({model: errors[model] for model in results.models if model in errors}):
         of_model = errors[names[0]]
         counts = [len(of_joint) for of_joint in of_model.error_mm.values()]
-        words = ngettext(
-            "{own}; n = {n_of} hand",
-            "{own}; n = {n_of} hands",
-            max(counts),
-            own=listed(names),
-            n_of=count_range(counts),
-        )
+        own, n_of = listed(names), drawing.count_range(counts)
+        words = ngettext("{own}; n = {n_of} hand", "{own}; n = {n_of} hands", max(counts), own=own, n_of=n_of)
         draw = partial(
             _draw_errors, joints=joints, look=looks[names[0]], errors=of_model, prior=prior, scale=scale
         )
@@ -227,14 +175,14 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
             (SOFT, "|", "none", 1.0, tr("{PRIOR}, median", PRIOR=PRIOR)),
         )
     ]
-    return print_figure(in_rows(panels, _ACROSS), handles), tr(
+    return drawing.print_figure(drawing.in_rows(panels, _ACROSS), handles), tr(
         "Error of each joint centre under each model. {study_text} Distance to the true centre in the frame "
         "of the distal (child) receiver [mm]. Each dot is a hand; mark: median; bar: quartiles, for "
         "{FEWEST_FOR_QUARTILES} or more hands; black line: median stated 1-sigma error in three dimensions "
         "(off the scale if larger than all errors); dotted line: median error of prior-only, the hand "
         "expected from anatomy. Models with equal joints share a panel. {kind}.",
-        study_text=study_text(results),
-        FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
+        study_text=drawing.study_text(results),
+        FEWEST_FOR_QUARTILES=drawing.FEWEST_FOR_QUARTILES,
         kind=tr("Held out") if judged.held_out else tr("In-sample"),
     )
 
@@ -268,7 +216,7 @@ def _draw_errors(
         of_hand = errors.error_mm.get(joint, {})
         numbers = {f"{hand.who.token} {hand.hand}": error for hand, error in of_hand.items()}
         rows.append(PanelRow(joint, look, numbers))
-    draw_rows(axes, rows, tr("Joint error [mm]"), scale)
+    drawing.draw_rows(axes, rows, tr("Joint error [mm]"), scale)
     for of_joint, colour, style in ((errors.sd_mm, INK, "solid"), (prior.error_mm, SOFT, "dotted")):
         for y, joint in enumerate(joints):
             if of_joint.get(joint):
@@ -307,7 +255,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         Patch(label=tr(kind).lstrip("✓◆✕ \u00a0"), facecolor=fill, hatch=hatch, edgecolor=INK, linewidth=0.4)
         for kind, (fill, hatch) in _FILLS.items()
     ]
-    return print_figure(in_rows(panels, _ACROSS), handles), tr(
+    return drawing.print_figure(drawing.in_rows(panels, _ACROSS), handles), tr(
         "Which joints can be believed: percentage of the study's hands in which a joint can be believed (the "
         "error of its centre is at most {wanted} mm, 1 sigma in three dimensions, and nothing contradicts "
         "it), needs care (at most {care} mm, or there is a reason for doubt), cannot be believed (larger "
@@ -316,7 +264,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         "model does not have has no bar.",
         wanted=wanted_text(results.layouts.values()),
         care=wanted_text(results.layouts.values(), CARE_TIMES),
-        study_text=study_text(results),
+        study_text=drawing.study_text(results),
     )
 
 
@@ -324,7 +272,7 @@ def _draw_trust(
     axes: Axes, joints: Sequence[str], beliefs: Mapping[str, Mapping[Hand, str]], hands: Sequence[Hand]
 ) -> None:
     """Draw the shares of hands with each verdict on each joint; joints that the model lacks have no bar."""
-    row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
+    drawing.row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
     rows = [(y, beliefs[joint]) for y, joint in enumerate(joints) if joint in beliefs]
     foot = np.zeros(len(rows))
     for kind, (fill, hatch) in _FILLS.items():
@@ -347,22 +295,18 @@ def _range_panels(movement: StudyMovement, means: pd.Series[float], task: str) -
     """Return the panels of one task; means : by joint, angle and subject."""
     joints = list(dict.fromkeys(movement.ranges["joint"]))
     digits = list(dict.fromkeys(joint.partition("_")[0] for joint in joints if "_" in joint))
-    colours = {digit: look.colour for digit, look in digit_looks(digits).items()}
+    colours = {digit: look.colour for digit, look in palette.looks(digits, palette.DIGITS).items()}
+    looks = {joint: Look(colours.get(joint.partition("_")[0], INK), "o") for joint in joints}
     panels = []
     for angle in ANGLES:
-        rows = [
-            PanelRow(
-                joint, Look(colours.get(joint.partition("_")[0], INK), "o"), means[joint, angle].to_dict()
-            )
-            for joint in joints
-            if (joint, angle) in means.index
-        ]
+        there = [joint for joint in joints if (joint, angle) in means.index]
+        rows = [PanelRow(joint, looks[joint], means[joint, angle].to_dict()) for joint in there]
         if not rows:
             continue
         axis = tr("{angle} [deg]", angle=capital(word(angle)))
-        scale = value_scale([value for row in rows for value in row.values()])
+        scale = drawing.value_scale([value for row in rows for value in row.values()])
         of_all = movement.ranges["subject"].nunique()
-        draw = partial(draw_rows, rows=rows, axis=axis, scale=scale, of_all=of_all)
+        draw = partial(drawing.draw_rows, rows=rows, axis=axis, scale=scale, of_all=of_all)
         title = tr("Range of motion by joint in {task}, {angle}.", task=task, angle=angle)
         panels.append(Panel(task, title, ROW_MM * (len(rows) + 1), FOOT_MM, draw))
     return panels
@@ -379,11 +323,11 @@ def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Fi
                 tr("all hands with joint angles have suspect findings and are left out of all statistics")
             )
         raise NoDataError(tr("no recording of this study has joint angles"))
-    return print_figure(list(range_panels(movement).values())), tr(
+    return drawing.print_figure(list(range_panels(movement).values())), tr(
         "Range of motion (2.5th to 97.5th percentile) of each joint angle [deg], task by task. {study_text} "
         "Model {model}. Each dot is a subject (mean over trials, sessions and hands); mark: median; bar: "
         "quartiles. Hands with a suspect finding are left out.",
-        study_text=study_text(results),
+        study_text=drawing.study_text(results),
         model=movement.model,
     )
 
@@ -395,7 +339,7 @@ def group_looks(levels: Iterable[str]) -> dict[str, CurveLook]:
     """Return the look of each level of a factor, or a common look if the only level is an empty string."""
     if (names := list(levels)) == [""]:
         return {"": CurveLook(tr("all subjects"), INK)}
-    colours, styled = level_looks(names), zip(names, cycle(_STYLES), strict=False)
+    colours, styled = palette.level_looks(names), zip(names, cycle(_STYLES), strict=False)
     return {name: CurveLook(word(name), colours[name].colour, style) for name, style in styled}
 
 
@@ -419,16 +363,16 @@ def study_cycles(
     if not of_tasks:
         raise NoDataError(tr(NO_CYCLES))
     rows: list[Sequence[Panel]] = [
-        row for panels in of_tasks.values() for row in in_rows(panels, _CURVES_ACROSS)
+        row for panels in of_tasks.values() for row in drawing.in_rows(panels, _CURVES_ACROSS)
     ]
     looks = group_looks(dict.fromkeys(groups.values()))
-    return print_figure(rows, legend_handles(looks.values())), tr(
+    return drawing.print_figure(rows, legend_handles(looks.values())), tr(
         "Flexion over the cycle, task by task ({tasks}): mean over subjects of each subject’s mean cycle "
         "[deg], at each percent of the cycle; n: number of subjects of each line, in the legend’s order. "
         "Shaded: ± one standard deviation over subjects. {study_text} Model {model}. Hands with a suspect "
         "finding are left out.",
         tasks="; ".join(of_tasks),
-        study_text=study_text(results),
+        study_text=drawing.study_text(results),
         model=movement.model,
     )
 
@@ -443,15 +387,17 @@ def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Pan
     """Return a panel for each displayed quantity of the factors: a row per level, a dot per subject."""
     panels = []
     for drawn in (each for factor in factors for each in factor.drawn):
-        looks = level_looks(drawn.levels)
+        looks = palette.level_looks(drawn.levels)
         rows = [
             PanelRow(level, looks[level], numbers, float(np.mean([*numbers.values()])))
             for level, numbers in drawn.levels.items()
             if numbers
         ]
         values = [value for row in rows for value in row.values()]
-        scale = value_scale(values) if min(values) >= 0 else Scale(min(values) - 1.0, max(values) + 1.0)
-        draw_in = _draw_models if drawn.paired else draw_rows
+        scale = Scale(min(values) - 1.0, max(values) + 1.0)
+        if min(values) >= 0:
+            scale = drawing.value_scale(values)
+        draw_in = _draw_models if drawn.paired else drawing.draw_rows
         draw = partial(draw_in, rows=rows, axis=drawn.axis, scale=scale, of_all=n_subjects)
         panels.append(Panel(drawn.title, drawn.title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
     return panels
@@ -459,16 +405,16 @@ def group_panels(factors: Sequence[ComparedFactor], n_subjects: int) -> list[Pan
 
 def groups(results: StudyResults, study: Study, movement: StudyMovement) -> tuple[Figure, str]:
     """Draw the groups' panels side by side. Raises NoDataError if no two levels have values."""
-    factors = compared_factors(results, study, movement)
+    factors = movement_results.compared_factors(results, study, movement)
     panels = group_panels(factors, len(results.subjects))
     if not panels:
         reasons = [f"{factor.name}: {factor.reason}" for factor in factors]
         raise NoDataError("; ".join(reasons) or tr("the study file names no factors"))
-    return print_figure(in_rows(panels, 2)), tr(
+    return drawing.print_figure(drawing.in_rows(panels, 2)), tr(
         "Levels of the study's factors compared: the quantities that the study file lists, and those that "
         "differ most. {study_text} Model {model}. Each dot is a subject (mean over trials and sessions); a "
         "line joins the dots of a subject with both levels; mark: mean. Tests: table movement_differences.",
-        study_text=study_text(results),
+        study_text=drawing.study_text(results),
         model=movement.model,
     )
 
@@ -497,7 +443,7 @@ def _draw_lengths(
     names = [name for name, _ in bones]
     words = [word(name) + (f" ({word(digit)})" if names.count(name) > 1 else "") for name, digit in bones]
     most = max(row["length_mm"] + (row["sd_mm"] or 0.0) for of in lengths.values() for row in of.values())
-    row_axes(axes, words, tr("Bone length, 1-sigma error [mm]"), Scale(0.0, 1.05 * most))
+    drawing.row_axes(axes, words, tr("Bone length, 1-sigma error [mm]"), Scale(0.0, 1.05 * most))
     for hand, of_hand in lengths.items():
         left = hand.hand == "left"
         aside = 0.0 if len(lengths) == 1 else 0.18 if left else -0.18

@@ -114,11 +114,8 @@ def without_controls(text: str) -> str:
 
 def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
     """Apply `writable` to each line of every text in a figure."""
-    artists = [
-        *figure.texts,
-        *figure.legends,
-        *(part for axes in figure.axes for part in axes.get_children()),
-    ]
+    children = [part for axes in figure.axes for part in axes.get_children()]
+    artists = [*figure.texts, *figure.legends, *children]
     for axis in [artist for artist in artists if isinstance(artist, Axis)]:
         artists.remove(axis)  # its ticks are made by the formatter when drawn
         artists.append(axis.label)

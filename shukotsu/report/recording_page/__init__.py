@@ -9,27 +9,16 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from shukotsu.report import table_cells
 from shukotsu.report.belief import belief, believed_counts
-from shukotsu.report.figures.panels import page_pictures
+from shukotsu.report.figures.drawing import page_pictures
 from shukotsu.report.figures.recording_figures import angle_looks, curve_panels, digit_rows, recording_text
 from shukotsu.report.movement_results import recording_curves, why_no_curves
 from shukotsu.report.palette import MARK_PATHS
 from shukotsu.report.recording_results import ModelResults, RecordingResults
 from shukotsu.report.skeleton_tables import measured_table
 from shukotsu.report.study_results import StudyResults, task_title
-from shukotsu.report.table_cells import (
-    Folded,
-    Link,
-    PageColumn,
-    capital,
-    link,
-    number,
-    number_column,
-    quantity_column,
-    table_of,
-    text_column,
-    title,
-)
+from shukotsu.report.table_cells import Folded, Link, PageColumn, number, title
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import NumberBlock, view_of
 from shukotsu.study.study import Recording
@@ -61,22 +50,19 @@ def recording_page(results: RecordingResults) -> str:
         "angles": [{"model": each.model, "joints": [word(joint) for joint in each.joints]} for each in angles]
     }
     columns = (
-        text_column(tr("Model"), "model"),
-        text_column(tr("Digit"), "digit"),
-        text_column(tr("Binding"), "binding"),
-        quantity_column("mean_mm"),
-        number_column("SD [mm]", "sd_mm"),
-        *map(quantity_column, ("median_mm", "p95_mm", "max_mm", "min_mm", "n_frames")),
-        number_column(tr("Of"), "n_frames_total", 0),
+        table_cells.text_column(tr("Model"), "model"),
+        table_cells.text_column(tr("Digit"), "digit"),
+        table_cells.text_column(tr("Binding"), "binding"),
+        table_cells.quantity_column("mean_mm"),
+        table_cells.number_column("SD [mm]", "sd_mm"),
+        *map(table_cells.quantity_column, ("median_mm", "p95_mm", "max_mm", "min_mm", "n_frames")),
+        table_cells.number_column(tr("Of"), "n_frames_total", 0),
         PageColumn(tr("Held out"), lambda row: tr("yes") if row["held_out"] else tr("○ no"), is_text=True),
-        text_column(tr("Message"), "message"),
+        table_cells.text_column(tr("Message"), "message"),
     )
-    tip_errors = table_of(
-        tr("Tip error of the replay, {title}.", title=title),
-        columns,
-        [row for model in results.models for row in model.tip_errors],
-        source="tip_errors",
-    )
+    caption = tr("Tip error of the replay, {title}.", title=title)
+    rows = [row for model in results.models for row in model.tip_errors]
+    tip_errors = table_cells.table_of(caption, columns, rows, source="tip_errors")
     cycles = _cycles(results.study, results.recording, title)
     return render(
         "recording_page/page.html.j2",
@@ -111,7 +97,7 @@ def failure_page(title: str, message: str) -> str:
 def recording_title(recording: Recording) -> str:
     """Return subject, hand, task and trial in words, and whether the recording is only for calibration."""
     calibrates = recording.role == "calibration"
-    return capital(recording_text(recording)) + (f" ({tr('calibration')})" if calibrates else "")
+    return table_cells.capital(recording_text(recording)) + (f" ({tr('calibration')})" if calibrates else "")
 
 
 def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str, list[tuple[str, Markup]]]:
@@ -142,17 +128,18 @@ def _evidence(model: ModelResults) -> Folded:
         nothing | row | dict(zip(singular, values_of.get(row["joint"], []), strict=False))
         for row in model.joints
     ]
+    quantities = ("gap_rms_mm", "gap_rms_free_mm", "sd_mm", "n_frames", "n_effective")
     columns = (
-        text_column(tr("Joint"), "joint"),
+        table_cells.text_column(tr("Joint"), "joint"),
         PageColumn(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
-        *map(quantity_column, ("gap_rms_mm", "gap_rms_free_mm", "sd_mm", "n_frames", "n_effective")),
-        *(number_column(heading, heading, 4) for heading in singular),
-        text_column(tr("Message"), "message"),
+        *map(table_cells.quantity_column, quantities),
+        *(table_cells.number_column(heading, heading, 4) for heading in singular),
+        table_cells.text_column(tr("Message"), "message"),
     )
     joints = ngettext("{n} joint", "{n} joints", len(model.joints))
     caption = tr("What the calibration says of each joint, {name}.", name=model.name)
     summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
-    return Folded(summary, table_of(caption, columns, rows, source="joint_solutions"))
+    return Folded(summary, table_cells.table_of(caption, columns, rows, source="joint_solutions"))
 
 
 def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> list[Link]:
@@ -163,7 +150,7 @@ def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> l
             calibrates = recording.role == "calibration"
             words = task_title(recording.task, recording.trial, calibrates=calibrates)
             words += ", " + tr("{hand} hand", hand=recording.hand.hand)
-            links.append(link(words, page, results.paths.recording_page(recording)))
+            links.append(table_cells.link(words, page, results.paths.recording_page(recording)))
     return links
 
 
@@ -185,10 +172,10 @@ def _navigation(results: StudyResults, recording: Recording) -> Navigation:
     other = next(iter([*same_trial, *same_task]), None)
     words = tr("{hand} hand", hand=title(other_hand.hand))
     subject = tr("Subject %(name)s") % {"name": hand.who.label}
-    links, mine = recording_links(results, page, hand.who), link("", page, page).href
+    links, mine = recording_links(results, page, hand.who), table_cells.link("", page, page).href
     return Navigation(
-        link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
-        link(subject, page, paths.subject_page(*hand.who)),
-        None if other is None else link(words, page, paths.recording_page(other)),
+        table_cells.link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
+        table_cells.link(subject, page, paths.subject_page(*hand.who)),
+        None if other is None else table_cells.link(words, page, paths.recording_page(other)),
         [to for to in links if to.href != mine],
     )

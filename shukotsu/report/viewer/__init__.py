@@ -20,18 +20,11 @@ from markupsafe import Markup
 
 from shukotsu.arrays import Array
 from shukotsu.hand.rotations import continuous
+from shukotsu.report import hand_motion
 from shukotsu.report.belief import BELIEFS
-from shukotsu.report.figures.panels import hand_panel, page_picture
-from shukotsu.report.hand_motion import (
-    HandMotion,
-    JointAxis,
-    ShownSkeleton,
-    shown_first,
-    still_frame,
-    upright,
-    view_points,
-)
-from shukotsu.translation import tr, word
+from shukotsu.report.figures.drawing import hand_panel, page_picture
+from shukotsu.report.hand_motion import HandMotion, JointAxis, ShownSkeleton
+from shukotsu.translation import N_, tr, word
 
 POSITION_STEP_MM = 0.05
 """Step of positions; the error of a point is at most sqrt(3) / 2 steps, 0.044 mm."""
@@ -87,19 +80,15 @@ def view_of(
 
     extra, extra_header : as in `motion_text`.
     """
-    shown = shown_first(motion)
+    shown = hand_motion.shown_first(motion)
     first = motion.skeletons[shown[0]]
-    frame = still_frame(motion, first)
+    frame = hand_motion.still_frame(motion, first)
     remarks = []
     if motion.every > 1:
         remarks.append(tr("One frame in {every} of the recording is shown.", every=motion.every))
     if not np.isfinite(motion.time_s).any():
-        remarks.append(
-            tr(
-                "The recording has no device time; it is shown at {NOMINAL_HZ:g} frames per second.",
-                NOMINAL_HZ=NOMINAL_HZ,
-            )
-        )
+        text = N_("The recording has no device time; it is shown at {NOMINAL_HZ:g} frames per second.")
+        remarks.append(tr(text, NOMINAL_HZ=NOMINAL_HZ))
     return View(
         title=title,
         motion=motion,
@@ -191,10 +180,10 @@ def _header(motion: HandMotion) -> dict[str, Any]:
         "receivers": motion.receivers,
         "base": motion.base,
         "firstBase": int(np.argmax(based)),
-        "upright": upright(motion).ravel().tolist(),
+        "upright": hand_motion.upright(motion).ravel().tolist(),
         "middle": middle.round(1).tolist(),
         "half": half.round(1).tolist(),
-        "shown": shown_first(motion),
+        "shown": hand_motion.shown_first(motion),
         "skeletons": [_skeleton(motion, skeleton) for skeleton in motion.skeletons],
     }
 
@@ -208,7 +197,7 @@ def _extent(motion: HandMotion) -> tuple[Array, Array]:
     frames = np.arange(0, len(motion.frame), max(1, len(motion.frame) // _EXTENT_FRAMES))
 
     def in_view(world_mm: Array) -> Array:
-        points = view_points(motion, frames, world_mm[frames]).reshape(-1, 3)
+        points = hand_motion.view_points(motion, frames, world_mm[frames]).reshape(-1, 3)
         return points[np.isfinite(points).all(-1)]
 
     receivers = in_view(motion.receiver_mm)

@@ -9,22 +9,9 @@ from matplotlib.container import BarContainer
 from report_samples.made_study import ANGLES, FITTED_MODELS, MadeStudy, compared
 from report_samples.pages import rows_where
 
-from shukotsu.report.figures.panels import NoDataError, page_figure
-from shukotsu.report.figures.recording_figures import (
-    find_recording,
-    joint_angles,
-    of_recording,
-    recording_cycles,
-    thin,
-    tip_error,
-)
-from shukotsu.report.figures.study_figures import (
-    joint_errors,
-    joint_trust,
-    lengths_panel,
-    models,
-    of_study,
-)
+from shukotsu.report.figures import recording_figures
+from shukotsu.report.figures.drawing import NoDataError, page_figure
+from shukotsu.report.figures.study_figures import joint_errors, joint_trust, lengths_panel, models, of_study
 from shukotsu.report.judged_models import REPLAY, judged_models
 from shukotsu.report.palette import MODELS as COLOURS
 from shukotsu.report.palette import PAPER
@@ -150,13 +137,13 @@ def test_figures_without_any_score_state_the_reason(twelve: StudyResults, fitted
 
 @pytest.fixture(scope="module")
 def recording(results: StudyResults) -> Recording:
-    return find_recording(results, "S01", "right", "opposition")
+    return recording_figures.find_recording(results, "S01", "right", "opposition")
 
 
 def test_a_peak_and_a_gap_survive_thinning() -> None:
     time_s, error = np.arange(100_000) / 240, np.ones(100_000)
     error[54_321], error[60_000:70_000] = 77.0, np.nan
-    trace = thin(time_s, error, 200)
+    trace = recording_figures.thin(time_s, error, 200)
     assert trace is not None
     assert abs(trace.x[np.nanargmax(trace.high)] - time_s[54_321]) <= time_s[-1] / 200
     assert (np.nanmin(trace.low), np.nanmax(trace.high)) == (1.0, 77.0)
@@ -169,13 +156,13 @@ def test_a_peak_and_a_gap_survive_thinning() -> None:
 def test_a_missing_frame_breaks_a_line_of_few_frames(n: int, breaks: int) -> None:
     error = np.ones(n)
     error[20] = np.nan
-    trace = thin(np.arange(n, dtype=float), error, 240)
+    trace = recording_figures.thin(np.arange(n, dtype=float), error, 240)
     assert trace is not None
     assert np.isnan(trace.high).sum() == breaks
 
 
 def test_drawn_tip_errors_equal_the_table_and_break_at_gaps(study: MadeStudy, recording: Recording) -> None:
-    figure, caption = tip_error(study.results, recording)
+    figure, caption = recording_figures.tip_error(study.results, recording)
     line = next(line for line in figure.axes[1].lines if line.get_color() == COLOURS[2])
     rows = study.rows(TIPS, "paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in rows if row["error_mm"] is not None)
@@ -187,7 +174,7 @@ def test_drawn_tip_errors_equal_the_table_and_break_at_gaps(study: MadeStudy, re
 
 
 def test_drawn_joint_angles_equal_the_table(study: MadeStudy, recording: Recording) -> None:
-    figure, caption = joint_angles(study.results, recording, "whole-hand")
+    figure, caption = recording_figures.joint_angles(study.results, recording, "whole-hand")
     axes_of = {axes.get_title("right"): axes for axes in figure.axes}
     assert list(axes_of)[:3] == ["thumb_cmc", "thumb_mcp", "thumb_ip"]
     for joint in ("index_pip", "ring_cmc"):
@@ -206,7 +193,7 @@ def test_drawn_joint_angles_equal_the_table(study: MadeStudy, recording: Recordi
 
 def test_drawn_cycle_curves_equal_the_table_with_their_sd(study: MadeStudy, recording: Recording) -> None:
     """Each measured joint has a panel, each angle a line in a band of one SD to either side."""
-    figure, caption = recording_cycles(study.results, recording, "whole-hand")
+    figure, caption = recording_figures.recording_cycles(study.results, recording, "whole-hand")
     axes_of = {axes.get_title("right"): axes for axes in figure.axes}
     assert list(axes_of)[:3] == ["thumb_mcp, n = 2–3", "index_mcp, n = 2–3", "index_pip, n = 2–3"]
     for joint in ("index_pip", "ring_mcp"):
@@ -225,9 +212,9 @@ def test_drawn_cycle_curves_equal_the_table_with_their_sd(study: MadeStudy, reco
 
 
 def test_the_figure_of_a_recording_without_cycles_states_the_reason(study: MadeStudy) -> None:
-    left = find_recording(study.results, "S01", "left", "opposition")
+    left = recording_figures.find_recording(study.results, "S01", "left", "opposition")
     with pytest.raises(NoDataError, match="No event starts a cycle in this recording"):
-        recording_cycles(study.results, left, "whole-hand")
-    assert [each.name for each in of_recording(study.results, left)][-2:] == [
+        recording_figures.recording_cycles(study.results, left, "whole-hand")
+    assert [each.name for each in recording_figures.of_recording(study.results, left)][-2:] == [
         "cycle-curves_whole-hand", "cycle-curves_whole-hand-b"
     ]  # fmt: skip

@@ -16,16 +16,8 @@ from matplotlib.figure import Figure
 from report_samples.made_study import MadeStudy, make_study, many_subjects
 from stage_runs import print_figures
 
-from shukotsu.report.figures.panels import (
-    Drawing,
-    Panel,
-    PanelRow,
-    Scale,
-    draw_figure,
-    draw_rows,
-    print_figure,
-    save,
-)
+from shukotsu.report.figures import drawing
+from shukotsu.report.figures.drawing import Drawing, Panel, PanelRow, Scale
 from shukotsu.report.figures.study_figures import of_study
 from shukotsu.report.figures.style import label
 from shukotsu.report.palette import Look
@@ -65,7 +57,7 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path, capsys: pytest.Captu
 
 @pytest.fixture(scope="module")
 def drawings(twelve: StudyResults, fitted_study: MadeStudy) -> dict[str, Drawing]:
-    return {drawing.name: drawing for drawing in of_study(twelve, fitted_study.study)}
+    return {drawn.name: drawn for drawn in of_study(twelve, fitted_study.study)}
 
 
 @pytest.mark.slow
@@ -79,7 +71,7 @@ def drawings(twelve: StudyResults, fitted_study: MadeStudy) -> dict[str, Drawing
 def test_text_stays_text_and_the_pdf_has_the_column_width(
     drawings: dict[str, Drawing], tmp_path: Path, name: str, labels: tuple[str, ...]
 ) -> None:
-    save(tmp_path, drawings[name])
+    drawing.save(tmp_path, drawings[name])
     assert set(labels) <= set(texts(tmp_path / f"{name}.svg"))
     pdf = (tmp_path / f"{name}.pdf").read_bytes()
     ((width, height),) = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ([\d.]+) ?\]", pdf)
@@ -97,12 +89,13 @@ def test_names_are_drawn_literally_or_with_codes_for_missing_glyphs(tmp_path: Pa
 
     def named() -> tuple[Figure, str]:
         rows = [PanelRow(name, Look("black", "o")) for name in names]
-        draw = partial(draw_rows, rows=rows, axis="mm", scale=Scale(0.0, 1.0))
-        return print_figure([[Panel("", "", 3.6 * len(rows), 9.0, draw)]], figure_mm=60.0), ";".join(names)
+        draw = partial(drawing.draw_rows, rows=rows, axis="mm", scale=Scale(0.0, 1.0))
+        panel = Panel("", "", 3.6 * len(rows), 9.0, draw)
+        return drawing.print_figure([[panel]], figure_mm=60.0), ";".join(names)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        save(tmp_path, draw_figure("named", named))
+        drawing.save(tmp_path, drawing.draw_figure("named", named))
     assert {*map(label, names)} <= {*texts(tmp_path / "named.svg")}
     assert (tmp_path / "named.txt").read_text("utf-8").startswith(";".join(names))
     assert [name for name in names if label(name) == name] == as_they_are

@@ -21,16 +21,10 @@ from report_samples.pages import page_of_viewer
 
 from shukotsu.arrays import Array
 from shukotsu.hand.rotations import matrix
+from shukotsu.report import viewer
 from shukotsu.report.hand_motion import still_frame
 from shukotsu.report.palette import DIGIT_HUES
-from shukotsu.report.viewer import (
-    ERROR_STEP_MM,
-    FARTHEST_SHOWN_MM,
-    POSITION_STEP_MM,
-    NumberBlock,
-    motion_text,
-    pack_blocks,
-)
+from shukotsu.report.viewer import ERROR_STEP_MM, FARTHEST_SHOWN_MM, POSITION_STEP_MM, NumberBlock
 
 
 def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
@@ -55,14 +49,14 @@ VALUES = arrays(float, array_shapes(min_dims=3, max_dims=3, max_side=12), elemen
 
 def header_of(motion: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Return the header in a page, and its blocks as `viewer.js` reads them."""
-    header = json.loads(motion_text(motion))
+    header = json.loads(viewer.motion_text(motion))
     return header, unpacked(base64.b64decode(header["data"]), header["blocks"])
 
 
 @given(VALUES, st.sampled_from([0.01, 0.05, 0.25]))
 def test_a_packed_block_is_exact_to_half_a_step_and_keeps_gaps(values: np.ndarray, step: float) -> None:
     block = NumberBlock("some", step, values)
-    read = unpacked(*pack_blocks([block]))["some"]
+    read = unpacked(*viewer.pack_blocks([block]))["some"]
     gaps = np.isnan(values).any(-1)
     np.testing.assert_array_equal(np.isnan(read).all(-1), gaps)
     assert (np.abs(read - values)[~gaps] <= step / 2 + 1e-9).all()
@@ -107,13 +101,11 @@ def test_the_view_fits_the_hand_and_ignores_outliers(study: MadeStudy) -> None:
 
 
 @pytest.mark.slow
-def test_a_recording_of_the_papers_length_stays_small(
-    tmp_path: Path,
-) -> None:
+def test_a_recording_of_the_papers_length_stays_small(tmp_path: Path) -> None:
     motion = make_study(tmp_path, models=FITTED_MODELS, subjects=("S01",), n_frames=3774).motion("right")
     many = replace(motion, skeletons=motion.skeletons[:1] * 6 + motion.skeletons[1:])
-    assert len(motion_text(motion)) < 800_000
-    assert len(motion_text(many)) < 1_300_000
+    assert len(viewer.motion_text(motion)) < 800_000
+    assert len(viewer.motion_text(many)) < 1_300_000
 
 
 def test_the_page_has_the_data_once_and_a_still_picture(study: MadeStudy) -> None:

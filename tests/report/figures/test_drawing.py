@@ -14,17 +14,8 @@ from hypothesis import strategies as st
 from report_samples.made_study import HOSTILE
 
 from shukotsu.report.belief import BELIEVED, CARE, NOT
-from shukotsu.report.figures.panels import (
-    Panel,
-    PanelRow,
-    Scale,
-    draw_rows,
-    hand_panel,
-    locator,
-    page_figure,
-    page_picture,
-    value_scale,
-)
+from shukotsu.report.figures import drawing
+from shukotsu.report.figures.drawing import Panel, PanelRow, Scale
 from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
 from shukotsu.report.palette import MODELS, Look
 
@@ -41,7 +32,7 @@ def dots(picture: str) -> np.ndarray:
 
 
 def panel(scale: Scale, *rows: PanelRow, n: int) -> Panel:
-    draw = partial(draw_rows, rows=rows, axis="mm", scale=scale, of_all=n)
+    draw = partial(drawing.draw_rows, rows=rows, axis="mm", scale=scale, of_all=n)
     return Panel("", "Thumb <1>", 3.6 * (len(rows) + 1), 9.0, draw)
 
 
@@ -49,7 +40,7 @@ def panel(scale: Scale, *rows: PanelRow, n: int) -> Panel:
 def test_scales_include_every_number(values: list[float]) -> None:
     """A logarithmic scale may omit numbers below 1e-4 of its upper end."""
     numbers = np.abs(values)
-    scale = value_scale(numbers)
+    scale = drawing.value_scale(numbers)
     assert scale.high >= numbers.max()
     assert scale.low <= max(numbers[numbers != 0].min(initial=500.0), scale.high / 1e4)
 
@@ -59,7 +50,7 @@ def test_gross_failures_do_not_compress_the_usual_numbers(gross: float, kind: st
     """With a gross value of centimetres the scale becomes logarithmic, so that the usual numbers stay
     readable.
     """
-    assert value_scale(np.append(np.linspace(1.0, 3.0, 30), gross)).kind == kind
+    assert drawing.value_scale(np.append(np.linspace(1.0, 3.0, 30), gross)).kind == kind
 
 
 @pytest.mark.parametrize(
@@ -71,7 +62,7 @@ def test_gross_failures_do_not_compress_the_usual_numbers(gross: float, kind: st
     ],
 )
 def test_ticks_are_round_numbers(scale: Scale, expected: list[float]) -> None:
-    ticks = locator(scale).tick_values(scale.low, scale.high)
+    ticks = drawing.locator(scale).tick_values(scale.low, scale.high)
     assert [tick for tick in ticks if scale.low <= tick <= scale.high] == pytest.approx(expected)
 
 
@@ -81,10 +72,14 @@ def test_every_subject_has_a_dot_at_its_value() -> None:
     """
     first = PanelRow("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(31)})
     drawn = panel(
-        value_scale(np.arange(1.0, 32)), first, PanelRow("c", LOOK, {"S0": 1.0}), PanelRow("d", LOOK), n=31
+        drawing.value_scale(np.arange(1.0, 32)),
+        first,
+        PanelRow("c", LOOK, {"S0": 1.0}),
+        PanelRow("d", LOOK),
+        n=31,
     )
-    picture = page_picture(drawn)
-    assert picture == page_picture(drawn)
+    picture = drawing.page_picture(drawn)
+    assert picture == drawing.page_picture(drawn)
     places = dots(picture)
     assert len(places) == 32
     row, along = np.sort(places[places[:, 1] < places[:, 1].min() + 7][:, 0]), np.arange(1.0, 32)
@@ -98,12 +93,12 @@ def test_rounding_errors_do_not_stretch_a_scale() -> None:
     end.
     """
     nothing = [9e-15, 2e-13, 0.0]
-    assert value_scale(nothing) == Scale(0.0, 1.0)
+    assert drawing.value_scale(nothing) == Scale(0.0, 1.0)
     numbers = dict(zip("abcde", [*nothing, 1.0, 80.0], strict=True))
-    scale = value_scale(list(numbers.values()))
+    scale = drawing.value_scale(list(numbers.values()))
     assert scale.kind == "log"
     assert scale.low > 1e-3
-    assert len(dots(page_picture(panel(scale, PanelRow("a", LOOK, numbers), n=5)))) == len(numbers)
+    assert len(dots(drawing.page_picture(panel(scale, PanelRow("a", LOOK, numbers), n=5)))) == len(numbers)
 
 
 def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion:
@@ -122,7 +117,7 @@ def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion
 
 
 def hand(of: HandMotion, title: str = "t") -> Panel:
-    return hand_panel(title, of, of.skeletons[0], 0)
+    return drawing.hand_panel(title, of, of.skeletons[0], 0)
 
 
 def test_a_far_joint_is_named_and_does_not_shrink_the_picture() -> None:
@@ -130,12 +125,12 @@ def test_a_far_joint_is_named_and_does_not_shrink_the_picture() -> None:
     points_mm[1, 0] = 500.0
     near, far = hand(motion()), hand(motion(points_mm=points_mm))
     assert far.height_mm - near.height_mm < 4.0, "only by a line of text"
-    assert ">Not shown: ring_dip.</text>" in page_picture(far)
-    assert "var(--no)" not in page_picture(far)
+    assert ">Not shown: ring_dip.</text>" in drawing.page_picture(far)
+    assert "var(--no)" not in drawing.page_picture(far)
 
 
 def test_joints_are_coloured_by_verdict_and_titles_are_escaped() -> None:
-    drawn = page_picture(hand(motion("left"), HOSTILE))
+    drawn = drawing.page_picture(hand(motion("left"), HOSTILE))
     root = ElementTree.fromstring(drawn.replace("xlink:href", "href"))
     assert root.findtext("title") == HOSTILE
     assert {"ring", "little", "from the back", "from the side", "20 mm"} <= {
@@ -150,14 +145,14 @@ def test_neither_hand_is_drawn_mirrored(side: str, sign: int) -> None:
     """In the side view the back of the hand is on the right for a right hand, on the left for a left hand."""
     points_mm = POINTS_MM.copy()
     points_mm[1, 2] = 10.0
-    axes = page_figure(hand(motion(side, points_mm))).axes[0]
+    axes = drawing.page_figure(hand(motion(side, points_mm))).axes[0]
     bones = [line.get_xdata() for line in axes.lines if line.get_linewidth() == 2.2]
     start, end = np.asarray(bones[2], float)[:2]  # the first bone of the first digit in the second view
     assert np.sign(end - start) == sign
 
 
 def test_names_of_crossing_fingers_do_not_overlap() -> None:
-    axes = page_figure(hand(motion())).axes[0]
+    axes = drawing.page_figure(hand(motion())).axes[0]
     names = [text for text in axes.texts if text.get_text() in ("ring", "little")]
     for (x, y), (x2, y2) in combinations([name.get_position() for name in names], 2):
         assert abs(x - x2) > 8.0 or abs(y - y2) > 3.0

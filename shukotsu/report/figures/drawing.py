@@ -29,33 +29,25 @@ from matplotlib.ticker import FixedFormatter, FuncFormatter, Locator, LogLocator
 
 from shukotsu.arrays import Array
 from shukotsu.errors import INTERNAL, on_one_line
+from shukotsu.report import palette
 from shukotsu.report.belief import BELIEF_MARKS, BELIEVED
-from shukotsu.report.figures.style import (
-    ONE_COLUMN_MM,
-    SMALL_PT,
-    TWO_COLUMNS_MM,
-    apply_style,
-    label,
-    rewrite,
-    width_mm,
-    without_controls,
-    wrap_text,
-)
+from shukotsu.report.figures import style
+from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, TWO_COLUMNS_MM
 from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton, view_points
-from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property, digit_looks
+from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import number
 from shukotsu.report.templates import plain
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing, write_text
-from shukotsu.translation import ENGLISH, language, listed, ngettext, punctuated, tr, translated, word
+from shukotsu.translation import ENGLISH, N_, language, listed, ngettext, punctuated, tr, translated, word
 
 PAGE_MM = 84.0
 """Width of a picture for a page, before the page scales it."""
 ROW_MM, FOOT_MM = 3.6, 9.0
 """Heights of a row, and of the text below the axes."""
 FEWEST_FOR_QUARTILES = 4
-LINE_MM, ROW_LETTERS = 3.2, int(42.0 / width_mm("m"))
+LINE_MM, ROW_LETTERS = 3.2, int(42.0 / style.width_mm("m"))
 """Height of a line of a row's name, and its largest number of letters."""
 _LEGEND_LINE_MM, _KEY_MM, _GAP_MM, _PAD_MM = 4.2, 9.0, 2.0, 1.6
 _SCATTER, _GOLDEN = 0.6, (5**0.5 - 1) / 2
@@ -87,10 +79,10 @@ def print_figure(
 ) -> Figure:
     """Return a figure of rows of panels, each with a letter and a heading, below a legend."""
     across, names = max(map(len, rows)), iter(panel_names(sum(map(len, rows))))
-    widest = max((width_mm(str(handle.get_label())) for handle in handles), default=0.0) + _KEY_MM
+    widest = max((style.width_mm(str(handle.get_label())) for handle in handles), default=0.0) + _KEY_MM
     columns = max(1, min(len(handles), int(figure_mm / widest)))
-    letters = int((figure_mm / across - 12.0) / width_mm("m"))
-    headings = [["\n".join(wrap_text(panel.heading, letters)) for panel in row] for row in rows]
+    letters = int((figure_mm / across - 12.0) / style.width_mm("m"))
+    headings = [["\n".join(style.wrap_text(panel.heading, letters)) for panel in row] for row in rows]
     heights = [max(panel.height_mm for panel in row) for row in rows]
     down = sum(heights) + _LEGEND_LINE_MM * -(-len(handles) // columns)
     for row, texts in zip(rows, headings, strict=True):
@@ -132,7 +124,7 @@ def lay_out(figure: Figure, writable: Callable[[str], str]) -> None:
 
     writable : function that returns a text with such characters replaced.
     """
-    rewrite(figure, writable)
+    style.rewrite(figure, writable)
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if not axis.get_label_text():  # avoids measuring all tick labels to place an empty label
             axis.set_label_coords(0.0, 0.0)
@@ -171,10 +163,10 @@ def page_picture(panel: Panel) -> Markup:
     """
     written = io.BytesIO()
     try:
-        with apply_style({"svg.hashsalt": panel.title}), warnings.catch_warnings():
+        with style.apply_style({"svg.hashsalt": panel.title}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has one
             figure = page_figure(panel)
-            lay_out(figure, without_controls)
+            lay_out(figure, style.without_controls)
             metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
             figure.savefig(written, format="svg", metadata=metadata)
     except MemoryError:
@@ -349,7 +341,7 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
 
     names = [name for name, inside in zip(skeleton.points, near, strict=True) if not inside]
     absent = tr("Not shown: {names}.", names=listed(map(word, names))) if names else ""
-    lines = wrap_text(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
+    lines = style.wrap_text(absent, int((PAGE_MM - 4.0) / style.width_mm("m"))) if absent else []
     views = _HandViews(
         joints=flat(np.where(near[:, None], joints, np.nan)),
         receivers=flat(receivers),
@@ -381,19 +373,19 @@ class _HandViews:
 def _draw_hand(axes: Axes, motion: HandMotion, skeleton: ShownSkeleton, views: _HandViews) -> None:
     """Draw bones in the colours of digits, joints by verdict, receivers, names of digits and a scale bar."""
     size, lines, scale = views.size, views.lines, views.scale
-    looks = [look.colour for look in digit_looks(motion.digits).values()]
+    colours = [look.colour for look in palette.looks(motion.digits, palette.DIGITS).values()]
     axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
     digit_of = {bone.end: bone.digit for bone in skeleton.bones}
     of_line: dict[tuple[float, str], list[BoneLine]] = {}  # bones that look alike are drawn together
     for bone in skeleton.bones:
-        of_line.setdefault((2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT), []).append(bone)
+        of_line.setdefault((2.2, colours[bone.digit]) if bone.level >= 0 else (1.0, SOFT), []).append(bone)
     of_mark: dict[tuple[PlotMark, float], list[int]] = {}
     for index, (name, believed) in enumerate(zip(skeleton.points, skeleton.believed, strict=True)):
         if not name.endswith("_tip") and np.isfinite(views.joints[0][index]).all():
             mark, mark_size = BELIEF_MARKS[believed], 5.6
             if believed == BELIEVED:
-                edge = looks[digit_of[index]] if index in digit_of else INK
+                edge = colours[digit_of[index]] if index in digit_of else INK
                 mark, mark_size = PlotMark("o", PAPER, edge), 4.2
             of_mark.setdefault((mark, mark_size), []).append(index)
     for joints, worn in zip(views.joints, views.receivers, strict=True):
@@ -410,7 +402,7 @@ def _draw_hand(axes: Axes, motion: HandMotion, skeleton: ShownSkeleton, views: _
     taken: list[tuple[float, float, float]] = []
     for digit in motion.digits:
         x, y = views.joints[0][skeleton.points.index(f"{digit}_tip")]
-        wide = width_mm(word(digit)) / 2 + 0.5
+        wide = style.width_mm(word(digit)) / 2 + 0.5
         y += 3.0
         while any(abs(x - at) < wide + reach and abs(y - height) < LINE_MM for at, height, reach in taken):
             y += 0.5
@@ -445,9 +437,9 @@ class Drawing:
 def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
     """Draw a figure in the common style, or a figure that states why it cannot be drawn."""
     try:
-        with apply_style():
+        with style.apply_style():
             figure, caption = draw()
-            lay_out(figure, label)
+            lay_out(figure, style.label)
     except NoDataError as error:
         return not_drawn(name, str(error))
     except MemoryError:
@@ -455,20 +447,16 @@ def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
     except Exception as error:  # other figures must not be lost to this one
         traceback.print_exc()
         return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
-    versions = tr(
-        "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
-        PROGRAM=PROGRAM,
-        VERSION=VERSION,
-        version=matplotlib.__version__,
-    )
+    text = N_("Drawn by {PROGRAM} {VERSION} with matplotlib {version}.")
+    versions = tr(text, PROGRAM=PROGRAM, VERSION=VERSION, version=matplotlib.__version__)
     return Drawing(name, figure, punctuated(plain(f"{caption} {versions}")))
 
 
 def not_drawn(name: str, reason: str) -> Drawing:
     """Draw a figure that states why the figure `name` could not be drawn."""
     sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
-    with apply_style():
-        lines = wrap_text(sentence, 52)
+    with style.apply_style():
+        lines = style.wrap_text(sentence, 52)
         figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
         figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
     return Drawing(name, figure, sentence, sentence)
@@ -481,7 +469,7 @@ def save(folder: Path, drawing: Drawing) -> None:
     """
     for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
         written = io.BytesIO()
-        with apply_style():
+        with style.apply_style():
             drawing.figure.savefig(written, format=kind, metadata={date: None})
         with replacing(folder / f"{drawing.name}.{kind}") as temporary:
             temporary.write_bytes(written.getvalue())
