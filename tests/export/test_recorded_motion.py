@@ -9,7 +9,7 @@ from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.errors import InputError
 from shukotsu.export import motion as export_motion
-from shukotsu.export.motion import in_webxr, local_motion, read_motion, rest_pose
+from shukotsu.export.exported_motion import in_webxr, local_motion, read_motion, rest_pose
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import Origin, PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import angle, conjugate, multiply, rotate
