@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 import pyarrow.compute as pc
 
-from shukotsu.movement.cycle_curves import MOST_EVENTS, PERCENT
+from shukotsu.movement.cycles import MOST_EVENTS, PERCENT
 from shukotsu.movement.study_comparison import (
     QUANTITIES,
     WITHIN,
