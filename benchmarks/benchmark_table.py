@@ -102,14 +102,14 @@ def _entry(file: str, name: str) -> str:
 
 
 def of_each_person(measured: Callable[[int], T], n_people: int, seed: int) -> list[T]:
-    """Return the results of `measured` for the seeds of n_people drawn people, in two processes."""
-    with workers() as pool:
-        return list(pool.map(measured, range(seed, seed + n_people)))
+    """Return the results of `measured` for the seeds of n_people drawn people."""
+    return in_two_processes(measured, range(seed, seed + n_people))
 
 
-def workers() -> ProcessPoolExecutor:
-    """Return a pool of two processes that are started as new interpreters."""
-    return ProcessPoolExecutor(2, mp_context=get_context("spawn"))
+def in_two_processes(measured: Callable[..., T], *arguments: Iterable[Any]) -> list[T]:
+    """Map a function over its arguments, like `map`, in two processes, which are new interpreters."""
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(measured, *arguments))
 
 
 # A separate small process, because Linux attributes the memory of a forking parent to its child.
@@ -147,16 +147,10 @@ class Usage:
 def run_python(*arguments: str, folder: Path = ROOT, **environment: str) -> Usage:
     """Run this Python with one thread and this project importable; raise RuntimeError if it fails."""
     command = [sys.executable, *arguments]
-    launched = subprocess.run(
-        [sys.executable, "-c", _LAUNCHER, *command],
-        cwd=folder,
-        env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)} | environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=True,
-    )
-    output, _, measured = launched.stdout.rstrip().rpartition("\n")
+    launcher = [sys.executable, "-c", _LAUNCHER, *command]
+    variables = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)} | environment
+    text = subprocess.check_output(launcher, cwd=folder, env=variables, stderr=subprocess.STDOUT, text=True)
+    output, _, measured = text.rstrip().rpartition("\n")
     code, seconds, processor_s, memory_mb = measured.split()
     if int(code):
         raise RuntimeError(f"{' '.join(command)} ended with {code}:\n{output[-4000:]}")

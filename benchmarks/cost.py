@@ -171,9 +171,5 @@ def hand_table(rounds: int) -> PrintedTable:
     for name, (count, call) in work.items():
         taken_s = median(timeit.repeat(call, timer=time.process_time, repeat=rounds, number=1))
         rows.append((name, 1e3 * taken_s, count / taken_s if count else None))
-    return PrintedTable(
-        f"a hand: 16 receivers, {frames[0]} frames calibrated, {frames[1]} posed, {rounds} rounds",
-        ("work", "ms:.1f", "frames/s:.0f"),
-        rows,
-        "Processor time, median.",
-    )
+    title = f"a hand: 16 receivers, {frames[0]} frames calibrated, {frames[1]} posed, {rounds} rounds"
+    return PrintedTable(title, ("work", "ms:.1f", "frames/s:.0f"), rows, "Processor time, median.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
@@ -15,7 +15,7 @@ from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.hypotheses import TIDY, Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, rotate
 from shukotsu.simulate import random_hand
-from shukotsu.simulate.random_hand import FLEXION, JOINTS, RandomHand
+from shukotsu.simulate.random_hand import FINGERS, FLEXION, JOINTS, RandomHand
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
 from shukotsu.simulate.task_motion import TaskMotion
@@ -24,7 +24,6 @@ from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses, RecordingName
 
 FRAMES = {"rom": 1800, "opposition": 1200}
-FINGERS = ("index", "middle", "ring", "little")
 THUMB = "thumb_metacarpal"
 
 
@@ -39,9 +38,7 @@ class Planted:
     def findings(self) -> list[Finding]:
         """Return the findings without notes, except notes on receivers that are stuck."""
         findings = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
-        return [
-            finding for finding in findings if finding.severity != NOTE or finding.kind == "receiver-stuck"
-        ]
+        return [each for each in findings if each.severity != NOTE or each.kind == "receiver-stuck"]
 
 
 def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, str, Planted]]:
@@ -73,18 +70,19 @@ def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     The direction in which the thumb metacarpal's receiver faces depends on the seed. task : rom, opposition,
     grip, typing or piano. recorded : fields of `other_hands.Session`.
     """
-    facing = FACINGS[seed % len(FACINGS)]
-    return _other(other_hands.draw_person(seed, thumb_facing=facing), seed, hand, task, **recorded)
+    return Planted(other_recording(seed, hand, task, {}, **recorded).poses, hand)
 
 
 FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
 
 
-def _other(person: other_hands.Person, seed: int, hand: str, task: str, **recorded: Any) -> Planted:
-    movement = "calibration" if task == "rom" else task
+def other_recording(
+    seed: int, hand: str, task: str, drawn: Mapping[str, Any], **recorded: Any
+) -> other_hands.DrawnRecording:
+    """Record a hand of the independent simulator with its truth; drawn : arguments of `draw_person`."""
+    person = other_hands.draw_person(seed, **{"thumb_facing": FACINGS[seed % len(FACINGS)], **drawn})
     session = other_hands.Session(**{"duration_s": 7.5, **recorded})
-    recording = other_hands.record(person, hand, movement, seed, session)
-    return Planted(recording.poses, hand)
+    return other_hands.record(person, hand, "calibration" if task == "rom" else task, seed, session)
 
 
 def _other_odd(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:
@@ -97,10 +95,10 @@ def _other_odd(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple
         "a child": {"scale": 0.68},
         "a large hand": {"scale": 1.2},
     }
-    for name, options in people.items():
-        person = other_hands.draw_person(seed, **{"thumb_facing": FACINGS[seed % 3], **options})
-        yield f"{name}, rom", _other(person, seed, hand, "rom")
-        yield f"{name}, a task", _other(person, seed, hand, str(rng.choice(TASKS)))
+    for name, drawn in people.items():
+        yield f"{name}, rom", Planted(other_recording(seed, hand, "rom", drawn).poses, hand)
+        task = str(rng.choice(TASKS))
+        yield f"{name}, a task", Planted(other_recording(seed, hand, task, drawn).poses, hand)
     yield "dropouts", other_hand(seed, hand, "rom", dropouts=True)
     yield "with a receiver on the forearm", other_hand(seed, hand, "rom", forearm=True)
     yield "stiff finger joints", other_hand(seed, hand, "rom", stiff=STIFF)
@@ -116,8 +114,8 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
     yield "usual hand", plain
     yield "thumb's receiver on the nail's side", own_hand(seed, hand, task, at_nail=True)
     for what, factor in (("small", 0.68), ("large", 1.22)):
-        scaled = changed(plain, position_mm=plain.poses.position_mm * factor)
-        yield f"very {what} hand ({factor} times)", scaled
+        scaled_mm = plain.poses.position_mm * factor
+        yield f"very {what} hand ({factor} times)", changed(plain, position_mm=scaled_mm)
     yield "loose receivers (skin 3 times)", own_hand(seed, hand, task, artefact=3.0)
     yield "dropouts, one receiver dead", _with_dropouts(plain, rng)
     yield "with a receiver on the forearm", own_hand(seed, hand, task, forearm=True)
@@ -147,14 +145,10 @@ def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
         for start in rng.integers(0, len(valid), 4):
             valid[start : start + rng.integers(5, 200), receiver] = False
     valid[:, rng.integers(1, valid.shape[1])] = False
-    gone = ~valid[..., None]
-    poses = planted.poses
-    return changed(
-        planted,
-        valid=valid,
-        position_mm=np.where(gone, np.nan, poses.position_mm),
-        quaternion=np.where(gone, np.nan, poses.quaternion),
-    )
+    gone, poses = ~valid[..., None], planted.poses
+    position = np.where(gone, np.nan, poses.position_mm)
+    quaternion = np.where(gone, np.nan, poses.quaternion)
+    return changed(planted, valid=valid, position_mm=position, quaternion=quaternion)
 
 
 def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
@@ -197,23 +191,17 @@ def facing_the_nail(simulated: Simulated) -> Simulated:
     mounts, turn = simulated.truth.mounts, nail_turn(simulated)
     receiver = mounts.segments.index(THUMB)
     bone_to_receiver = conjugate(mounts.quaternion[receiver])
-    moved_mm = rotate(
-        bone_to_receiver, rotate(turn, mounts.position_mm[receiver]) - mounts.position_mm[receiver]
-    )
+    at_mm = mounts.position_mm[receiver]
+    moved_mm = rotate(bone_to_receiver, rotate(turn, at_mm) - at_mm)
     turned = multiply(bone_to_receiver, multiply(turn, mounts.quaternion[receiver]))
     position, quaternion = simulated.position_mm.copy(), simulated.quaternion.copy()
     position[:, receiver] += rotate(quaternion[:, receiver], moved_mm)
     quaternion[:, receiver] = multiply(quaternion[:, receiver], turned)
     mcp, cmc = (simulated.truth.joints[name] for name in ("thumb_mcp", "thumb_cmc"))
     back = conjugate(turned)
-    joints = {
-        **simulated.truth.joints,
-        "thumb_cmc": replace(
-            cmc, child_mm=rotate(back, cmc.child_mm - moved_mm), axis_child=rotate(back, cmc.axis_child)
-        ),
-        "thumb_mcp": replace(
-            mcp, parent_mm=rotate(back, mcp.parent_mm - moved_mm), axis_parent=rotate(back, mcp.axis_parent)
-        ),
-    }
+    child_mm, parent_mm = rotate(back, cmc.child_mm - moved_mm), rotate(back, mcp.parent_mm - moved_mm)
+    cmc = replace(cmc, child_mm=child_mm, axis_child=rotate(back, cmc.axis_child))
+    mcp = replace(mcp, parent_mm=parent_mm, axis_parent=rotate(back, mcp.axis_parent))
+    joints = {**simulated.truth.joints, "thumb_cmc": cmc, "thumb_mcp": mcp}
     truth = replace(simulated.truth, joints=joints)
     return replace(simulated, position_mm=position, quaternion=quaternion, truth=truth)

@@ -10,20 +10,14 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks import faultless_hands
 from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent
-from benchmarks.faultless_hands import (
-    FINGERS,
-    Planted,
-    changed,
-    exchange_receivers,
-    faultless,
-    other_hand,
-    own_hand,
-)
+from benchmarks.faultless_hands import Planted, changed
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
 from shukotsu.checks.checked_subject import compare_recordings
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
+from shukotsu.simulate.random_hand import FINGERS
 from shukotsu.simulate.simulation import LAYOUT
 from shukotsu.study.layout import read_layout
 
@@ -59,7 +53,7 @@ def one_person(seed: int) -> tuple[list[Alarm], list[Tally], list[Tally]]:
     hand = ("right", "left")[seed // 2 % 2]
     alarms = [
         (drawing, name, tuple(finding.kind for finding in planted.findings()))
-        for drawing, name, planted in faultless(seed, hand, rng)
+        for drawing, name, planted in faultless_hands.faultless(seed, hand, rng)
     ]
     single, pairs = [], []
     for drawing, record in RECORDERS.items():
@@ -73,7 +67,7 @@ def one_person(seed: int) -> tuple[list[Alarm], list[Tally], list[Tally]]:
 
 
 Recorder = Callable[[int, str, str], Planted]
-RECORDERS: Mapping[str, Recorder] = {"own": own_hand, "other": other_hand}
+RECORDERS: Mapping[str, Recorder] = {"own": faultless_hands.own_hand, "other": faultless_hands.other_hand}
 
 
 def _pair(plain: Planted, rng: np.random.Generator) -> tuple[str, bool, bool]:
@@ -141,7 +135,7 @@ def _exchange_receivers(pairs: Callable[[np.random.Generator], Sequence[tuple[st
     """Exchange the segments of receivers."""
 
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
-        return replace(planted, poses=exchange_receivers(planted.poses, *pairs(rng)))
+        return replace(planted, poses=faultless_hands.exchange_receivers(planted.poses, *pairs(rng)))
 
     return plant
 
@@ -218,12 +212,9 @@ def _spikes(planted: Planted, rng: np.random.Generator) -> Planted:
 
 
 def _random_poses(planted: Planted, rng: np.random.Generator) -> Planted:
-    poses = planted.poses
-    return changed(
-        planted,
-        position_mm=rng.normal(0, 200, poses.position_mm.shape),
-        quaternion=unit(rng.normal(size=poses.quaternion.shape)),
-    )
+    position = rng.normal(0, 200, planted.poses.position_mm.shape)
+    quaternion = unit(rng.normal(size=planted.poses.quaternion.shape))
+    return changed(planted, position_mm=position, quaternion=quaternion)
 
 
 def _hangs(planted: Planted, rng: np.random.Generator) -> Planted:
@@ -246,9 +237,7 @@ def _cut(planted: Planted, rng: np.random.Generator) -> Planted:
 
 def _angles_misread(planted: Planted, rng: np.random.Generator) -> Planted:
     true, read = rng.choice(["".join(order) for order in permutations("XYZ")], 2, replace=False)
-    angles = _angles(planted.poses.quaternion, str(true))
-    declared = Declared("csv", kind="euler", axes=str(read), angle_unit="deg")
-    return replace(changed(planted, quaternion=_compose_rotations(angles, str(read))), declared=declared)
+    return _with_angles(planted, _angles(planted.poses.quaternion, str(true)), str(read), "deg")
 
 
 def _angle_unit(unit: str) -> Mistake:
@@ -256,9 +245,7 @@ def _angle_unit(unit: str) -> Mistake:
 
     def plant(planted: Planted, _: np.random.Generator) -> Planted:
         convert = np.radians if unit == "deg" else np.degrees
-        angles = convert(_angles(planted.poses.quaternion, "ZYX"))
-        declared = Declared("csv", kind="euler", axes="ZYX", angle_unit=unit)
-        return replace(changed(planted, quaternion=_compose_rotations(angles, "ZYX")), declared=declared)
+        return _with_angles(planted, convert(_angles(planted.poses.quaternion, "ZYX")), "ZYX", unit)
 
     return plant
 
@@ -269,9 +256,12 @@ def _angles(quaternion: Array, axes: str) -> Array:
     return np.asarray(turn.as_euler(axes).reshape(*quaternion.shape[:-1], 3))
 
 
-def _compose_rotations(angles_rad: Array, axes: str) -> Array:
-    turn = Rotation.from_euler(axes, angles_rad.reshape(-1, 3))
-    return from_matrix(turn.as_matrix().reshape(*angles_rad.shape[:-1], 3, 3))
+def _with_angles(planted: Planted, angles_rad: Array, axes: str, unit: str) -> Planted:
+    """Replace rotations by those of intrinsic Euler angles, and declare these axes and this unit."""
+    turn = Rotation.from_euler(axes, angles_rad.reshape(-1, 3)).as_matrix()
+    quaternion = from_matrix(turn.reshape(*angles_rad.shape[:-1], 3, 3))
+    declared = Declared("csv", kind="euler", axes=axes, angle_unit=unit)
+    return replace(changed(planted, quaternion=quaternion), declared=declared)
 
 
 MISTAKES: Mapping[str, tuple[str, Mistake]] = {

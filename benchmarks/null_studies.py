@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.benchmark_table import Cell, PrintedTable, Row, percent, workers
+from benchmarks.benchmark_table import Cell, PrintedTable, Row, in_two_processes, percent
 from shukotsu.arrays import Array
 from shukotsu.scores.paired_statistics import LEVEL, group_difference, holm, sign_flip_p
 
@@ -51,10 +51,11 @@ def any_shown(p: Sequence[float]) -> bool:
 
 def run() -> Iterator[PrintedTable]:
     """Yield the tables of two groups and of paired differences: false positives and power of families."""
+    groups = [(*sizes, k) for sizes in SIZES for k in FAMILIES]
     yield PrintedTable(
         f"Two groups, {STUDIES} studies per number",
         ("subjects", "family:d", *(f"{name}:.1f" for name in MIXTURES), "2 sd found:.1f"),
-        over_cores(_family_of_groups, [(*sizes, k) for sizes in SIZES for k in FAMILIES]),
+        in_two_processes(_family_of_groups, *zip(*groups, strict=True)),
         "Percent of studies without a true difference that find one, by distribution of the numbers (3 : 1: "
         "the first group has three times the sd); numbers of a family are independent. Found: percent of "
         "studies that find a true difference of 2 standard deviations in one number (normal, equal sd).",
@@ -64,7 +65,7 @@ def run() -> Iterator[PrintedTable]:
     yield PrintedTable(
         f"The same subjects twice, families, {STUDIES} studies per number",
         ("subjects:d", "family:d", "correlation:.1f", *shapes, "2 sd found:.1f"),
-        over_cores(_family_of_differences, families),
+        in_two_processes(_family_of_differences, *zip(*families, strict=True)),
         "Percent of studies without a true difference that find one, by distribution of the differences. "
         "Found: percent of studies that find a true difference of 2 standard deviations (normal).",
     )
@@ -102,9 +103,3 @@ def _family_of_differences(n: int, columns: int, shared: float) -> Row:
         return [sign_flip_p(d) for d in differences.T]
 
     return (n, columns, shared, *_shares(family, [*SHAPES], columns))
-
-
-def over_cores(row: Callable[..., Row], asked: Sequence[tuple[object, ...]]) -> list[Row]:
-    """Compute rows in two processes; asked : arguments of `row` for each."""
-    with workers() as pool:
-        return list(pool.map(row, *zip(*asked, strict=True)))

@@ -10,18 +10,9 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks import two_drawings
 from benchmarks.benchmark_table import PrintedTable, Row, of_each_person, percent
-from benchmarks.two_drawings import (
-    DURATION_S,
-    JOINT_TYPES,
-    Drawn,
-    JointErrors,
-    LengthError,
-    centre_numbers,
-    joint_errors,
-    length_errors,
-    simulated_hand,
-)
+from benchmarks.two_drawings import DURATION_S, JOINT_TYPES, Drawn, JointErrors, LengthError, centre_numbers
 from shukotsu.arrays import Array
 from shukotsu.fit.fit import HandFit, fit_hand
 from shukotsu.hand import drawn_hands, rotations
@@ -79,14 +70,9 @@ def prior_without(source: str) -> Mapping[str, DigitAnatomy]:
 def _as_anatomy(digit: drawn_hands.DrawnDigit, like: DigitAnatomy) -> DigitAnatomy:
     heights_mm = like.bone_heights_mm.copy()
     heights_mm[:2] = np.minimum(heights_mm[:2], MYOHAND_HEIGHT_MM)
-    return replace(
-        like,
-        base_mm=digit.base_mm,
-        directions=digit.directions,
-        flexion_axes=rotations.unit(digit.flexion_axes),
-        bone_heights_mm=heights_mm,
-        second_axis=digit.second_axis,
-    )
+    axes = rotations.unit(digit.flexion_axes)
+    placed = replace(like, base_mm=digit.base_mm, directions=digit.directions, flexion_axes=axes)
+    return replace(placed, bone_heights_mm=heights_mm, second_axis=digit.second_axis)
 
 
 def _in_line(name: str) -> DigitAnatomy:
@@ -106,11 +92,8 @@ def _in_line(name: str) -> DigitAnatomy:
 def _rigged(name: str, digit: drawn_hands.DrawnDigit) -> drawn_hands.DrawnDigit:
     """Return a digit as drawn for rigging a mesh: palm broad and long, plain hinges, straight fingers."""
     if name == "thumb":
-        return replace(
-            digit,
-            base_mm=digit.base_mm + np.array([-4.0, 2.0, 3.0]),
-            lengths_mm=digit.lengths_mm * [1.1, 1.0, 0.95],
-        )
+        base = digit.base_mm + np.array([-4.0, 2.0, 3.0])
+        return replace(digit, base_mm=base, lengths_mm=digit.lengths_mm * [1.1, 1.0, 0.95])
     wider, back_mm = np.array([1.0, 1.2, 1.0]), np.array([-6.0, 0.0, 0.0])
     base = digit.base_mm * wider + back_mm
     metacarpal = digit.base_mm * wider + digit.lengths_mm[0] * digit.directions[0] * wider - base
@@ -118,9 +101,8 @@ def _rigged(name: str, digit: drawn_hands.DrawnDigit) -> drawn_hands.DrawnDigit:
     across = rotations.unit(across - (across @ along) * along + [0.0, 0.3, 0.0])
     lengths = np.array([np.linalg.norm(metacarpal), *(digit.lengths_mm[1:] * [1.03, 0.95, 1.05])])
     directions = np.array([rotations.unit(metacarpal), *[along] * 3])
-    return replace(
-        digit, base_mm=base, directions=directions, lengths_mm=lengths, flexion_axes=np.tile(across, (4, 1))
-    )
+    axes = np.tile(across, (4, 1))
+    return replace(digit, base_mm=base, directions=directions, lengths_mm=lengths, flexion_axes=axes)
 
 
 RIGGED: drawn_hands.DrawnHand = {name: _rigged(name, digit) for name, digit in drawn_hands.CT.items()}
@@ -260,7 +242,8 @@ def one_hand(first_seed: int, seed: int) -> Fitted:
     skin = MESH if source == RIG else SKINS[(turn + at) % len(SKINS)]
     person = draw(source, skin, seed, ("right", "left")[seed % 2])
     fit = fit_without(source, person)
-    joints, lengths = joint_errors(source, person, fit), length_errors(source, person, fit)
+    joints = two_drawings.joint_errors(source, person, fit)
+    lengths = two_drawings.length_errors(source, person, fit)
     return Fitted(source, skin, tuple(joints), tuple(lengths))
 
 
@@ -275,9 +258,9 @@ def draw(source: str, skin: str, seed: int, hand: str) -> Drawn:
             stack.enter_context(mock.patch(f"{SIMULATION}.on_skin", partial(ride_on_mesh, seed)))
         if skin not in (SATURATING, STILL):
             stack.enter_context(mock.patch(f"{SIMULATION}.saturating", partial(_follow, skin)))
-        return simulated_hand(
-            simulate(RecordingName(PERSON, hand, "rom"), seed, realism, round(240 * DURATION_S))
-        )
+        name = RecordingName(PERSON, hand, "rom")
+        simulated = simulate(name, seed, realism, round(240 * DURATION_S))
+    return two_drawings.simulated_hand(simulated)
 
 
 def fit_without(source: str, person: Drawn) -> HandFit:

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import other_hands
 from benchmarks.benchmark_table import PrintedTable, of_each_person, percent
-from benchmarks.faultless_hands import FACINGS
+from benchmarks.faultless_hands import other_recording
 from shukotsu.arrays import Array
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fit import HandFit, fit_hand
@@ -161,21 +161,15 @@ def simulated_hand(simulated: Simulated) -> Drawn:
 
 
 def _other(seed: int, hand: str) -> Drawn:
-    person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
-    recording = other_hands.record(person, hand, "calibration", seed, other_hands.Session(DURATION_S))
+    recording = other_recording(seed, hand, "rom", {}, duration_s=DURATION_S)
     truth = {
         joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
         for joint in read_layout(LAYOUT).solvable
         if {*(ends := (joint.parent_receiver, joint.child))} <= {*recording.poses.segments}
     }
-    return Drawn(
-        recording.poses,
-        hand,
-        truth,
-        recording.true_centre_mm,
-        {name: angles[:, 0] for name, angles in recording.true_angles_deg.items()},
-        recording.true_lengths_mm,
-    )
+    flexion_deg = {name: angles[:, 0] for name, angles in recording.true_angles_deg.items()}
+    centre_mm, lengths_mm = recording.true_centre_mm, recording.true_lengths_mm
+    return Drawn(recording.poses, hand, truth, centre_mm, flexion_deg, lengths_mm)
 
 
 def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
@@ -193,16 +187,11 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
         stated = halves_mm2(joint.covariance_mm2, joint.sd_mm)
         posed_mm = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
         flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, KINDS[0]))])
-        yield JointErrors(
-            drawing,
-            name,
-            off_mm,
-            tuple(map(is_within_95, off_mm, stated)),
-            joint.sd_mm,
-            float(np.nanmean(np.linalg.norm(posed_mm - drawn.centre_mm[name][rows], axis=1))),
-            float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0]),
-            name in believed,
-        )
+        inside = tuple(map(is_within_95, off_mm, stated))
+        posed_off_mm = float(np.nanmean(np.linalg.norm(posed_mm - drawn.centre_mm[name][rows], axis=1)))
+        slope = float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0])
+        is_believed = name in believed
+        yield JointErrors(drawing, name, off_mm, inside, joint.sd_mm, posed_off_mm, slope, is_believed)
 
 
 def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[LengthError]:

@@ -15,7 +15,7 @@ import numpy as np
 from simulated_poses import recorded, write_poses
 from small_study import write_plans, write_study
 
-from shukotsu.export.motion import read_motion
+from shukotsu.export.exported_motion import read_motion
 from shukotsu.export.registry import ExportSettings, prepare
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import PosedRecording

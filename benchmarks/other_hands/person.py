@@ -252,9 +252,8 @@ class _Drawing:
     def _finger(self, digit: str) -> None:
         """Add a finger: a CMC joint that moves a little, a two-axis MCP joint and two oblique hinges."""
         rng = self.rng
-        fan, nail, *oblique, twist, lean, cups = _FINGER[digit] + np.append(
-            rng.normal(0, [2, 3, 1.5, 1.5, 3, 1]), 0
-        )
+        variation = rng.normal(0, [2, 3, 1.5, 1.5, 3, 1])
+        fan, nail, *oblique, twist, lean, cups = _FINGER[digit] + np.append(variation, 0)
         lengths, base = self._start(digit)
         shaft = unit(_table(_HEAD[digit]) - _table(_BASE[digit]) + rng.normal(0, 1.2, 3))
         along = unit(turn_about_axis(np.array([0.0, 1.0, np.sin(np.deg2rad(rng.normal(-4, 3)))]), _UP, fan))
@@ -270,18 +269,16 @@ class _Drawing:
         self._join(f"{digit}_cmc", ("hand", names[0]), ends[0], [cup], 0.2)
         axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # rolls slightly
         self._join(f"{digit}_mcp", (names[0], names[1]), ends[1], axes, 0.6)
-        self._join(
-            f"{digit}_pip", (names[1], names[2]), ends[2], [turn_about_axis(across, up, -oblique[0])], 0.25
-        )
+        pip = turn_about_axis(across, up, -oblique[0])
+        self._join(f"{digit}_pip", (names[1], names[2]), ends[2], [pip], 0.25)
         dip = turn_about_axis(turn_about_axis(across, up, -oblique[1]), along, twist)
         self._join(f"{digit}_dip", (names[2], names[3]), ends[3], [dip], 0.15)
 
     def possible(self) -> bool:
         """Return whether knuckles, metacarpals and the fingers of a resting hand are side by side."""
         axes = {joint.name: joint.turns[0][1][:, 0] for joint in self.joints}
-        shafts = np.array(
-            [[bone.base, bone.end] for bone in (self.bones[f"{f}_metacarpal"] for f in FINGERS)]
-        )
+        palm = [self.bones[f"{finger}_metacarpal"] for finger in FINGERS]
+        shafts = np.array([[bone.base, bone.end] for bone in palm])
         fingers, shares = [], np.linspace(0.0, 1.0, 12)[:, None]
         for digit, (_, at) in zip(FINGERS, shafts, strict=True):
             turning, points = Rotation.identity(), [at]

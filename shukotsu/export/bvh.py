@@ -22,17 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import count_of
+from shukotsu.export import exported_motion
+from shukotsu.export.exported_motion import ALONE_HZ, MOVES_MM
 from shukotsu.export.gaps import largest_time_error_s
-from shukotsu.export.motion import (
-    ALONE_HZ,
-    MOVES_MM,
-    ascii_name,
-    facts_text,
-    local_motion,
-    require_rate,
-    require_whole,
-    rest_pose,
-)
 from shukotsu.export.registry import FORMATS
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, multiply, turn_angles
@@ -57,17 +49,17 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
     Raises InputError if a pose is missing, if there is no frame, or if several frames have no known rate.
     """
-    require_whole(motion, path, "BVH")
-    require_rate(motion, path, "BVH")
+    exported_motion.require_whole(motion, path, "BVH")
+    exported_motion.require_rate(motion, path, "BVH")
     seconds = 1.0 / (motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_HZ)
-    rest_mm, rest_turn = rest_pose(motion)
+    rest_mm, rest_turn = exported_motion.rest_pose(motion)
     offset_mm = rest_mm.copy()
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
     # bone frames rotated back by their rest rotations, so that at rest all are parallel to the world's frame
     world = motion.quaternion.copy()
     for index, turn in enumerate(rest_turn):
         world[:, index] = multiply(world[:, index], conjugate(turn))
-    local_mm, local = local_motion(replace(motion, quaternion=world))
+    local_mm, local = exported_motion.local_motion(replace(motion, quaternion=world))
     moves = np.zeros(len(offset_mm), bool)
     channels: list[tuple[Array, str]] = []  # values (T, 3) and their format
     order, left = list[int](), [0]
@@ -92,7 +84,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
             part = numbers[start : start + _TEXT_FRAMES]
             stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
     dropped = _losses(motion, moves)
-    facts = facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
+    facts = exported_motion.facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
     write_text(path.with_name(f"{path.name}.txt"), facts)
     return dropped
 
@@ -110,7 +102,7 @@ def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]
 
     def below(index: int) -> list[str]:
         children = np.flatnonzero(motion.parents == index).tolist()
-        name, apart = ascii_name(motion.names[index]), bool(index and moves[index])
+        name, apart = exported_motion.ascii_name(motion.names[index]), bool(index and moves[index])
         at = np.zeros(3) if apart or not index else offset[index]
         if _is_end(motion, index) and not moves[index]:
             return block("End Site", at, "", [])

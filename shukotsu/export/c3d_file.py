@@ -16,7 +16,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import ALONE_HZ, ascii_name, facts_text, require_rate, with_seen_receivers
+from shukotsu.export import exported_motion
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import matrix
 from shukotsu.resources import PROGRAM, VERSION
@@ -53,7 +53,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         raise InputError(f"{path}: C3D needs at least one frame; widen --frames")
     import ezc3d
 
-    motion, unseen = with_seen_receivers(motion)
+    motion, unseen = exported_motion.with_seen_receivers(motion)
     row, rate_hz, error_s = _timing(motion, path)
     described = list(_receiver_points(motion))
     frames, labels = int(row[-1]) + 1, _labels([*motion.names, *(name for name, _ in described)])
@@ -61,9 +61,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     posed = _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
     if frames > MOST_FRAMES or len(labels) > _MOST_POINTS:
         raise InputError(
-            f"{path}: has {count_of(frames, 'frame')} of {count_of(len(labels), 'point')}, and C3D "
-            f"holds at most {MOST_FRAMES} of "
-            f"{_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
+            f"{path}: has {count_of(frames, 'frame')} of {count_of(len(labels), 'point')}, and C3D holds at "
+            f"most {MOST_FRAMES} of {_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
         )
     first = int(motion.frame[0])
     numbered = np.array_equal(motion.frame - first, row) and 1 <= first <= MOST_FRAMES - frames
@@ -89,13 +88,9 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     descriptions += [what for _, what in described]
     file = ezc3d.c3d()
     file["header"]["points"]["first_frame"] = first - 1 if numbered else 0
-    for name, value in {
-        "RATE": [rate_hz],
-        "UNITS": ["mm"],
-        "LABELS": labels,
-        "DESCRIPTIONS": [_escape(text)[:LONGEST_LABEL] for text in descriptions],
-    }.items():
-        file["parameters"]["POINT"][name]["value"] = value
+    point = file["parameters"]["POINT"]
+    point["RATE"]["value"], point["UNITS"]["value"], point["LABELS"]["value"] = [rate_hz], ["mm"], labels
+    point["DESCRIPTIONS"]["value"] = [_escape(text)[:LONGEST_LABEL] for text in descriptions]
     file.add_parameter("POINT", "X_SCREEN", ["+X"])
     file.add_parameter("POINT", "Y_SCREEN", ["+Z"])
     file.add_parameter("MANUFACTURER", "SOFTWARE", [PROGRAM])
@@ -122,7 +117,7 @@ def _labels(names: Sequence[str]) -> list[str]:
     """Return labels in ASCII of at most LONGEST_LABEL characters that are unique even if case is ignored."""
     labels: dict[str, str] = {}
     for name in names:
-        label = plain = ascii_name(name)[:LONGEST_LABEL]
+        label = plain = exported_motion.ascii_name(name)[:LONGEST_LABEL]
         count = 2
         while label.upper() in labels:
             label, count = f"{plain[: LONGEST_LABEL - len(str(count)) - 1]}-{count}", count + 1
@@ -152,8 +147,8 @@ def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
     """
     frames, time_s = motion.frame, motion.time_s
     if len(frames) == 1:
-        return np.zeros(1, np.int64), ALONE_HZ, 0.0
-    require_rate(motion, path, "C3D")
+        return np.zeros(1, np.int64), exported_motion.ALONE_HZ, 0.0
+    exported_motion.require_rate(motion, path, "C3D")
     step = np.diff(frames)
     steps = step // max(1, int(np.median(step)))
     timed = np.isfinite(time_s).all()
@@ -178,7 +173,7 @@ def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
     """Return a description of the motion as lines of text."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
-        *_escape(facts_text(motion, "mm", "z", dropped)).splitlines(),
+        *_escape(exported_motion.facts_text(motion, "mm", "z", dropped)).splitlines(),
         f"points: joints; each receiver's origin and the points {ARM_MM:g} mm along its x, y and z axes",
         "rotations: bones, named by the joint at which they start, in the bone frame above; receivers",
         f"first frame: the tracker's {motion.frame[0]}, device time {start}",

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from shukotsu import command_line
 from shukotsu.errors import InputError, StorageError
-from shukotsu.export.motion import file_stem, read_motion
+from shukotsu.export.exported_motion import file_stem, read_motion
 from shukotsu.export.motion_bids import write_dataset_files
 from shukotsu.export.registry import FORMATS, ExportSettings, chosen_formats, settings_of, write_format
 from shukotsu.hand.posed_recording import recording_reader

@@ -15,7 +15,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError, count_of
-from shukotsu.export.motion import require_times
+from shukotsu.export.exported_motion import require_times
 from shukotsu.hand.posing import PosedRecording, known_points
 from shukotsu.hand.rotations import about_axis, angle, conjugate, continuous, multiply, rotate, unit
 
@@ -43,9 +43,9 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     if count > FILLED_FRAMES:
         wide = int(np.argmax(np.diff(time_s)))
         raise InputError(
-            f"--fps: {fps:g} would make {count_of(count, 'frame')} of {np.ptp(time_s):.0f} s (the "
-            f"longest pause is after "
-            f"frame {motion.frame[wide]}), more than {FILLED_FRAMES}; give a lower rate, or parts by --frames"
+            f"--fps: {fps:g} would make {count_of(count, 'frame')} of {np.ptp(time_s):.0f} s (the longest "
+            f"pause is after frame {motion.frame[wide]}), more than {FILLED_FRAMES}; give a lower rate, or "
+            "parts by --frames"
         )
     at = np.minimum(time_s[0] + np.arange(count) / fps, time_s[-1])
     before, after, share = bracket(at, time_s)
@@ -61,9 +61,8 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
     out = replace(out, rate_hz=fps, receivers=replace(out.receivers, valid=valid))
     return out.noting(
-        f"resampled from {count_of(len(time_s), 'frame')} ({motion.rate_hz:g} Hz) to {len(at)} "
-        f"({fps:g} Hz) over device "
-        "time, unfiltered"
+        f"resampled from {count_of(len(time_s), 'frame')} ({motion.rate_hz:g} Hz) to {len(at)} ({fps:g} Hz) "
+        "over device time, unfiltered"
     )
 
 
@@ -265,11 +264,8 @@ def _fill_gaps(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRec
         position[blank, index], turn[blank, index] = places[blank], turns[blank]
     frames = int((~motion.whole).sum())
     longest = max(gap.length_s for gap in gaps)
-    how = {
-        "hold": "by holding the pose before it in the parent bone's frame",
-        "interpolate": "by interpolation in the parent bone's frame",
-    }[policy]
+    how = "holding the pose before it" if policy == "hold" else "interpolation"
     length = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
-    return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(
-        f"{count_of(len(gaps), 'gap')} ({count_of(frames, 'frame')}{length}) filled {how}"
-    )
+    note = f"{count_of(len(gaps), 'gap')} ({count_of(frames, 'frame')}{length}) filled by {how}"
+    filled = replace(motion, position_mm=position, quaternion=continuous(turn))
+    return filled.noting(f"{note} in the parent bone's frame")

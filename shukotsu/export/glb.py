@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from shukotsu.arrays import Array, Index
 from shukotsu.errors import InputError
-from shukotsu.export.motion import facts, local_motion, require_times, require_whole, rest_pose
+from shukotsu.export.exported_motion import facts, local_motion, require_times, require_whole, rest_pose
 from shukotsu.export.rigging import with_webxr_names
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import conjugate, matrix, rotate, unit
@@ -76,7 +76,7 @@ class _Solid:
 
 
 def bone_mesh(motion: PosedRecording) -> Mesh:
-    """Return the mesh of the skeleton's body at rest (`shukotsu.export.motion.rest_pose`).
+    """Return the mesh of the skeleton's body at rest (`shukotsu.export.exported_motion.rest_pose`).
 
     Every joint except the end of the skin has a ball; every bone longer than 1 mm has a solid from its joint
     to the next, which moves with the bone's joint; a tip of a digit of known anatomy has a nail.
@@ -344,9 +344,5 @@ def _animation(document: Document, motion: PosedRecording, name: str, first: int
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
         start["first_device_time_s"] = float(motion.time_s[0])
-    return {
-        "name": " ".join(part for part in parts if part),
-        "samplers": samplers,
-        "channels": channels,
-        "extras": start,
-    }
+    title = " ".join(part for part in parts if part)
+    return {"name": title, "samplers": samplers, "channels": channels, "extras": start}

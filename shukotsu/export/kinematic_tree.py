@@ -26,20 +26,11 @@ from itertools import permutations
 
 import numpy as np
 
-from shukotsu.export.motion import BONE_TO_WEBXR, MOVES_MM, carrier, local_motion, plain_names
+from shukotsu.arrays import Array
+from shukotsu.export.exported_motion import BONE_TO_WEBXR, MOVES_MM, carrier, local_motion, plain_names
+from shukotsu.hand import rotations
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
-from shukotsu.hand.rotations import (
-    Array,
-    about_axis,
-    angle,
-    conjugate,
-    mean_rotation,
-    multiply,
-    rotate,
-    turn_angles,
-    unit,
-)
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7
@@ -110,15 +101,16 @@ def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
     for index, name, body in zip(kept, names, bodies, strict=True):
         joint, turn = motion.joints[index], local[:, index]
         if joint.parent < 0:
-            orders = {order: turn_angles(turn, np.eye(3)[list(order)]) for order in permutations(range(3))}
-            best = max(orders, key=lambda order: np.abs(np.cos(orders[order][:, 1])).min())
-            zero, axes, values = IDENTITY, np.eye(3)[list(best)], orders[best]
-            labels = tuple(f"r{'xyz'[number]}" for number in best)
+            orders = [list(order) for order in permutations(range(3))]
+            angles = [rotations.turn_angles(turn, np.eye(3)[order]) for order in orders]
+            best = int(np.argmax([np.abs(np.cos(values[:, 1])).min() for values in angles]))
+            zero, axes, values = IDENTITY, np.eye(3)[orders[best]], angles[best]
+            labels = tuple(f"r{'xyz'[number]}" for number in orders[best])
         else:
             zero, axes, labels = _frame(motion, index, turn)
-            values = turn_angles(multiply(conjugate(zero), turn), axes)
+            values = rotations.turn_angles(rotations.multiply(rotations.conjugate(zero), turn), axes)
         offset = motion.rest_offset_mm[index]
-        beyond = rotate(conjugate(zero), local_mm[:, index] - offset)
+        beyond = rotations.rotate(rotations.conjugate(zero), local_mm[:, index] - offset)
         turns = _turns(joint, name, labels, values)
         shifts: tuple[Coordinate, ...] = ()
         if joint.parent < 0 or np.abs(beyond).max() > MOVES_MM:
@@ -157,18 +149,18 @@ def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array
 def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
     """Return a joint's frame (4,) in its parent's bone, its axes (3, 3), and the names of its rotations."""
     joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
-    mean = mean_rotation(turn)
+    mean = rotations.mean_rotation(turn)
     anatomical = bool(np.isfinite(neutral).all())
     zero = neutral if anatomical else mean
-    if joint.dof == 0 and angle(multiply(conjugate(mean), turn)).max() < STILL_RAD:
+    change = rotations.multiply(rotations.conjugate(mean), turn)
+    if joint.dof == 0 and rotations.angle(change).max() < STILL_RAD:
         zero = mean
     sign = _SIGN[motion.hand]
     axes = np.array([[-1.0, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, -sign]])
-    turned = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.hand), BONE_TO_WEBXR))
-    axes = rotate(turned, axes)
+    turned = rotations.multiply(angle_axes(joint, motion.hand), BONE_TO_WEBXR)
+    axes = rotations.rotate(rotations.multiply(rotations.conjugate(BONE_TO_WEBXR), turned), axes)
     labels = _ANGLES
     if not anatomical and joint.dof:
-        change = multiply(conjugate(mean), turn)
         vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
         about = np.linalg.eigh(vector.T @ vector)[1].T[::-1]  # axes by the amount of rotation, largest first
         about = about * np.sign(about[np.arange(3), np.abs(about).argmax(1)])[:, None]
@@ -177,14 +169,15 @@ def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Arra
     if joint.dof != 1 or not np.isfinite(hinge).all():
         return zero, axes, labels
     first = hinge if axes[0] @ hinge >= 0 else -hinge
-    seen = unit(rotate(turn, first).mean(0))
-    return multiply(shortest_turn(rotate(zero, first), seen), zero), _complete_axes(first, axes), labels
+    seen = rotations.unit(rotations.rotate(turn, first).mean(0))
+    nearest = rotations.multiply(shortest_turn(rotations.rotate(zero, first), seen), zero)
+    return nearest, _complete_axes(first, axes), labels
 
 
 def _complete_axes(first: Array, axes: Array) -> Array:
     """Return right-handed axes (3, 3) with this first axis and the second one nearest to that of `axes`."""
     near = axes[1] if abs(first @ axes[1]) < 0.9 else axes[0]
-    second = unit(near - (near @ first) * first)
+    second = rotations.unit(near - (near @ first) * first)
     return np.stack([first, second, np.cross(first, second)])
 
 
@@ -198,4 +191,4 @@ def shortest_turn(start: Array, end: Array) -> Array:
     if sine == 0.0 and start @ end > 0:
         return IDENTITY.copy()
     axis = across / sine if sine else _complete_axes(start, np.eye(3)[[1, 0, 2]])[1]
-    return about_axis(axis, float(np.arctan2(sine, start @ end)))
+    return rotations.about_axis(axis, float(np.arctan2(sine, start @ end)))

@@ -21,20 +21,13 @@ import pyarrow.compute as pc
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
+from shukotsu.export import exported_motion
 from shukotsu.export.delimited_text import write_rows
-from shukotsu.export.motion import (
-    ALONE_HZ,
-    BONE_FRAME,
-    RECEIVER_TIP,
-    SKIN_TIP,
-    blocks,
-    facts,
-    require_rate,
-    with_seen_receivers,
-)
+from shukotsu.export.exported_motion import ALONE_HZ, BONE_FRAME, RECEIVER_TIP, SKIN_TIP
 from shukotsu.export.tidy_csv import bone_angles_deg
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.resources import PROGRAM, VERSION
+from shukotsu.study.config_files import export_constants
 from shukotsu.tables import limits
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.text_files import read_text
@@ -45,29 +38,9 @@ BEFORE_DESCRIPTION = ("README", PARTICIPANTS, "participants.json")
 """Files of a dataset that are written before DESCRIPTION."""
 EXTRA_KEY = "Shukotsu"
 """Key in motion.json for facts that have no key in BIDS."""
-TYPES = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
-UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber", "InstitutionName",
-           "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription")  # fmt: skip
-"""Keys of motion.json that BIDS recommends, but whose values are unknown."""
-
-README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
-
-Tracking systems "righthand" and "lefthand" are the receivers as recorded; those with "skeleton" and
-the name of a model contain the joints, bones and joint angles computed from them. Units are metres and
-degrees; orientations are unit quaternions to the transmitter's frame; n/a marks a missing pose. Full names
-are under "{EXTRA_KEY}" in motion.json and in participants.tsv. In labels, Q starts an escape: Qs is a space,
-Qd a hyphen, Qu an underscore, Qp a point, QQ the letter Q, and Qx...x encloses another character's code
-point in hexadecimal.
-"""
+_WORDS = export_constants()["bids"]
 _UNITS = {"_mm": {"Units": "mm"}}
 _NAME = {"name": {"Description": "The subject's name, from which participant_id is derived."}}
-_POSES = (
-    "The transmitter's frame, right-handed. Orientations are unit quaternions that take coordinates of the"
-)
-_JOINT_ANGLES = (
-    "Angles of a bone relative to its parent bone in the joint coordinate system (Wu et al. 2005, J Biomech "
-    "38:981). Flexion, ulnar deviation and pronation are positive, in both hands. Zero is the straight digit."
-)
 
 
 class MotionChannel(NamedTuple):
@@ -116,10 +89,10 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """
     if not len(motion.frame):
         raise InputError(f"{path}: Motion-BIDS needs a recording with at least one frame; widen --frames")
-    require_rate(motion, path, "BIDS")
-    motion, unseen = with_seen_receivers(motion)
+    exported_motion.require_rate(motion, path, "BIDS")
+    motion, unseen = exported_motion.with_seen_receivers(motion)
     add_participant(path.parent, motion.origin.recording.subject, motion.origin.licence)
-    all_facts = facts(motion, "m", "")
+    all_facts = exported_motion.facts(motion, "m", "")
     receiver_facts = {key: value for key, value in all_facts.items() if key not in ("model", "bone_frame")}
     receiver_facts["inputs_sha256"] = {
         name: sha for name, sha in motion.origin.inputs.items() if name.rpartition("/")[2] == "poses.parquet"
@@ -156,11 +129,11 @@ def _write_system(
         **rates,
         "TrackingSystemName": stem.split("_tracksys-")[1].split("_")[0],
         "SoftwareVersions": f"{PROGRAM} {VERSION}",
-        **dict.fromkeys(UNKNOWN, "n/a"),
+        **dict.fromkeys(_WORDS["unknown"], "n/a"),
         "MissingValues": "n/a",
         "TrackedPointsCount": len(points),
         "MotionChannelCount": len(types),
-        **{f"{kind}ChannelCount": types.count(kind) for kind in TYPES},
+        **{f"{kind}ChannelCount": types.count(kind) for kind in _WORDS["channel_types"]},
         EXTRA_KEY: {
             "FrameChannel": "frame",
             "TimeChannels": dict.fromkeys(points, "time") if len(timed) else {},
@@ -171,20 +144,17 @@ def _write_system(
     rows = [channel.row(rate) for channel in first]
     turned = f"bone to this frame. A bone's own frame: {BONE_FRAME}" if model else "receiver to this frame"
     level = {"SpatialAxes": "n/a", "RotationRule": "n/a", "RotationOrder": "n/a"}
-    posed = {
-        "RotationRule": "right-hand",
-        "Description": f"{_POSES} {turned}. Its orientation in the room is not recorded.",
-    }
+    posed = {"RotationRule": "right-hand", "Description": _WORDS["poses"].format(turned=turned)}
     levels = {"transmitter": level | posed}
     if "JNTANG" in types:
-        levels["parent_bone"] = level | {"Description": _JOINT_ANGLES}
+        levels["parent_bone"] = level | {"Description": _WORDS["joint_angles"]}
     frames = {"Description": "Reference frame of positions and orientations.", "Levels": levels}
     write_text(folder / f"{stem}_channels.tsv", tsv_text([list(rows[0]), *(row.values() for row in rows)]))
     write_text(folder / f"{stem}_channels.json", json_text({"reference_frame": frames}))
     write_text(folder / f"{stem}_motion.json", json_text(motion_json))
 
     def tables() -> Iterable[pa.Table]:
-        for part in blocks(motion):
+        for part in exported_motion.blocks(motion):
             texts = [pc.cast(channel.values, pa.string()).fill_null("n/a") for channel in channels(part)]
             yield pa.table(texts, [str(number) for number in range(len(texts))])
 
@@ -287,7 +257,7 @@ def write_dataset_files(
     ]
     sheet = "as in the study's participants sheet."
     described = _NAME | {n: {"Description": f"{n} {sheet}"} | _UNITS.get(n[-3:], {}) for n in more}
-    write_text(folder / "README", README)
+    write_text(folder / "README", _WORDS["readme"].format(program=PROGRAM, key=EXTRA_KEY))
     write_text(folder / PARTICIPANTS, tsv_text([["participant_id", "name", *more], *sorted(rows)]))
     write_text(folder / "participants.json", json_text(described))
     description = {"Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw"}

@@ -28,18 +28,10 @@ import pyarrow as pa
 
 from shukotsu.arrays import Array, Bools
 from shukotsu.errors import count_of
+from shukotsu.export import exported_motion
 from shukotsu.export.delimited_text import write_rows
+from shukotsu.export.exported_motion import ALONE_HZ, BLOCK_FRAMES, DISTAL, carrier
 from shukotsu.export.kinematic_tree import JointForm, fixed_points, joint_forms, shortest_turn
-from shukotsu.export.motion import (
-    ALONE_HZ,
-    BLOCK_FRAMES,
-    DISTAL,
-    carrier,
-    facts_text,
-    plain_names,
-    require_times,
-    require_whole,
-)
 from shukotsu.hand.posing import Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import body_fixed_rad, conjugate, matrix, mean_rotation, multiply, rotate, unit
 from shukotsu.resources import PROGRAM, VERSION
@@ -80,7 +72,7 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
     carriers = {
         motion.joints[form.index].segment: position for position, form in reversed(list(enumerate(forms)))
     }
-    names = plain_names(receivers.segments)
+    names = exported_motion.plain_names(receivers.segments)
     for number, (segment, name) in enumerate(zip(receivers.segments, names, strict=True)):
         position, turn = receivers.position_mm[:, number], receivers.quaternion[:, number]
         seen = np.isfinite(position).all(-1) & np.isfinite(turn).all(-1)
@@ -134,16 +126,8 @@ def model_xml(
     coordinates to lock.
     """
     document = ET.Element("OpenSimDocument", Version=XML_VERSION)
-    model = add(
-        document,
-        "Model",
-        title,
-        credits=clean(credit),
-        publications=PUBLICATIONS,
-        length_units="meters",
-        force_units="N",
-        gravity=numbers((0.0, -9.80665, 0.0)),
-    )
+    model = add(document, "Model", title, credits=clean(credit), publications=PUBLICATIONS)
+    fill(model, length_units="meters", force_units="N", gravity=numbers((0.0, -9.80665, 0.0)))
     bodies, joints, markers = (
         ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
         for kind in ("BodySet", "JointSet", "MarkerSet")
@@ -247,14 +231,9 @@ def _add_joint(
             locked = shift.name in held
             limits = np.multiply(_range(shift.values, _ROOM_MM, _ROOM_MM), _M_PER_MM)
             _add_coordinate(coordinates, shift.name, limits, start * _M_PER_MM, locked)
-    add(
-        ET.SubElement(joint, "frames"),
-        "PhysicalOffsetFrame",
-        frame_name,
-        socket_parent=before,
-        translation=metres(form.offset_mm),
-        orientation=numbers(body_fixed_rad(matrix(form.quaternion))),
-    )
+    frame = add(ET.SubElement(joint, "frames"), "PhysicalOffsetFrame", frame_name, socket_parent=before)
+    orientation = numbers(body_fixed_rad(matrix(form.quaternion)))
+    fill(frame, translation=metres(form.offset_mm), orientation=orientation)
     if form.coordinates:
         _add_spatial_transform(joint, form)
 
@@ -266,10 +245,8 @@ def _add_coordinate(parent: ET.Element, name: str, limits: Array, start: float, 
 
 def _range(values: Array, step: float, room: float) -> tuple[float, float]:
     """Return the range of a coordinate's slider: the motion's range with a margin, in whole steps."""
-    return (
-        float(np.floor((values.min() - room) / step) * step),
-        float(np.ceil((values.max() + room) / step) * step),
-    )
+    low, high = np.floor((values.min() - room) / step), np.ceil((values.max() + room) / step)
+    return float(low * step), float(high * step)
 
 
 def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
@@ -303,18 +280,8 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
     # an equals sign would make a line a key of the header
     lines = [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
     names = ["time", *(coordinate.name for form in forms for coordinate in form.coordinates)]
-    header = [
-        title,
-        "version=1",
-        f"nRows={len(time_s)}",
-        f"nColumns={len(names)}",
-        "inDegrees=yes",
-        "",
-        *lines,
-        "",
-        "endheader",
-        "\t".join(names),
-    ]
+    keys = [title, "version=1", f"nRows={len(time_s)}", f"nColumns={len(names)}", "inDegrees=yes"]
+    header = [*keys, "", *lines, "", "endheader", "\t".join(names)]
 
     def tables() -> Iterator[pa.Table]:
         for start in range(0, len(time_s), BLOCK_FRAMES):
@@ -385,17 +352,17 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     The motion must have Y up and no gaps, except in receivers. Raises InputError if a pose is missing, if
     there is no frame, or if times do not increase.
     """
-    require_whole(motion, path, "OpenSim")
+    exported_motion.require_whole(motion, path, "OpenSim")
     time_s = np.zeros(1)
     if len(motion.frame) > 1:  # time since the first frame, to the nanosecond
         time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
-        require_times(motion, time_s, path, "OpenSim")
+        exported_motion.require_times(motion, time_s, path, "OpenSim")
     forms = joint_forms(motion)
     receivers, unplaced = triads(motion, forms)
     held = _undetermined_coordinates(forms, receivers)
     remarks = (NOMINAL, *unplaced, *_of_joints(forms, held), *_of_points(motion, receivers))
-    title = plain_names([path.stem])[0]
-    credit = facts_text(motion, "m", "y", remarks)
+    title = exported_motion.plain_names([path.stem])[0]
+    credit = exported_motion.facts_text(motion, "m", "y", remarks)
     for file, locked in ((path, {}), (path.with_name(f"{path.stem}_ik.osim"), held)):
         write_text(file, model_xml(motion, forms, receivers, title, credit, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
@@ -425,19 +392,10 @@ def _undetermined_coordinates(forms: Sequence[JointForm], receivers: Sequence[Tr
 def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
     """Return the settings of OpenSim's InverseKinematicsTool for the files beside `path`."""
     document = ET.Element("OpenSimDocument", Version=XML_VERSION)
-    tool = add(
-        document,
-        "InverseKinematicsTool",
-        title,
-        model_file=path.with_name(f"{path.stem}_ik.osim").name,
-        marker_file=path.with_suffix(".trc").name,
-        time_range=f"0 {time_s[-1]:.9f}",
-        report_errors="true",
-        output_motion_file=path.with_name(f"{path.stem}_ik.mot").name,
-        results_directory=".",
-        constraint_weight="Inf",
-        accuracy="1e-08",
-    )
+    tool = add(document, "InverseKinematicsTool", title, model_file=f"{path.stem}_ik.osim")
+    fill(tool, marker_file=f"{path.stem}.trc", time_range=f"0 {time_s[-1]:.9f}", report_errors="true")
+    fill(tool, output_motion_file=f"{path.stem}_ik.mot", results_directory=".")
+    fill(tool, constraint_weight="Inf", accuracy="1e-08")
     tasks = ET.SubElement(ET.SubElement(tool, "IKTaskSet"), "objects")
     for name in (marker for triad in receivers for marker in triad.markers):
         add(tasks, "IKMarkerTask", name, apply="true", weight="1")

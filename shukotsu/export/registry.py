@@ -59,13 +59,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--frames", type=_frames, default=(None, None), metavar="A:B", help="recorded frame numbers")
     up = "upward axis of the transmitter, such as =-z"
     add("--transmitter-up", choices=DIRECTIONS, default="z", metavar="AXIS", help=up)
-    add(
-        "--gaps",
-        choices=("refuse", "hold", "cut", "interpolate"),
-        default="refuse",
-        metavar="HOW",
-        help="for frames without a pose: refuse, hold, cut, interpolate",
-    )
+    policies = ("refuse", "hold", "cut", "interpolate")
+    gaps = f"for frames without a pose: {', '.join(policies)}"
+    add("--gaps", choices=policies, default="refuse", metavar="HOW", help=gaps)
     add("--max-gap-s", type=_positive, default=0.1, metavar="S", help="longest gap to interpolate (0.1)")
     add("--rig", default="", help="joint names of webxr, vrm, unity, unreal or mixamo")
     stiff = "stiff: keep bone lengths constant"
@@ -102,8 +98,8 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
     : y or z, the axis of the file that points up, or empty for the transmitter's frame. Lengths stay in mm.
     Raises InputError if a step is impossible.
     """
+    from shukotsu.export.exported_motion import stiffen, with_unmeasured_at_rest
     from shukotsu.export.gaps import close_gaps, resample_evenly
-    from shukotsu.export.motion import stiffen, with_unmeasured_at_rest
     from shukotsu.export.rigging import on_rig
     from shukotsu.hand.rotations import multiply, rotate
 

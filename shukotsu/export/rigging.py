@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP
+from shukotsu.export.exported_motion import RECEIVER_TIP, SKIN_TIP
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import multiply, rotate
 from shukotsu.study.config_files import export_constants

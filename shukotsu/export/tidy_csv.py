@@ -14,26 +14,16 @@ import numpy as np
 import pyarrow as pa
 
 from shukotsu.export.delimited_text import write_rows
-from shukotsu.export.motion import BONE_TO_WEBXR, blocks, facts
+from shukotsu.export.exported_motion import BONE_TO_WEBXR, blocks, facts
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, multiply
+from shukotsu.study.config_files import export_constants
 from shukotsu.tables.poses import NUMBERS
 from shukotsu.tables.whole_files import write_text
 
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
-_MEANING = {
-    "frame": "frame number of the tracker; if resampled, of the recorded frame nearest in time",
-    "time_s": "device time in s; empty if the recording has none",
-    "joint": "the joint at which the bone starts; <digit>_tip is the end of the last bone, <digit>_skin_tip "
-    "that of the digit including the skin, <digit>_receiver_tip the distal receiver's origin, used as tip",
-    **{f"{axis}_mm": f"position of the joint in the transmitter frame, {axis}, mm" for axis in "xyz"},
-    **{f"q{part}": f"unit quaternion, bone frame to transmitter frame, {part}" for part in "wxyz"},
-    "flexion_deg": "flexion positive, extension negative (docs/movement.md), deg",
-    "abduction_deg": "abduction or deviation, with the signs of docs/movement.md, deg",
-    "rotation_deg": "axial rotation, with the signs of docs/movement.md, deg",
-}
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
@@ -57,7 +47,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     rest = {
         name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
     }
-    described = facts(motion, "mm", "") | {"columns": _MEANING, "parent": tree, "rest_offset_mm": rest}
+    columns = export_constants()["csv_columns"]
+    described = facts(motion, "mm", "") | {"columns": columns, "parent": tree, "rest_offset_mm": rest}
     write_text(path.with_suffix(".json"), json.dumps(described, ensure_ascii=False, indent=1) + "\n")
     return ()
 

@@ -32,10 +32,9 @@ from shukotsu.hand.recorded_movement import (
     unsolved_joints,
 )
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
-from shukotsu.movement.cycle_curves import averaged_cycles, curve_rows
-from shukotsu.movement.events import Cycle, TimedEvent, cycles_of, events_of, struck_events
+from shukotsu.movement.cycles import Cycle, TimedEvent, averaged_cycles, curve_rows, cycles_of, events_of
 from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, percentiles, speed
-from shukotsu.movement.strokes import stroke_rows
+from shukotsu.movement.strokes import stroke_rows, struck_events
 from shukotsu.study import subject_stage
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording

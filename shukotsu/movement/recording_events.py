@@ -40,7 +40,8 @@ MOST_PULSES = 200_000
 
 _TRACKER_ENDING = ".arrows"
 
-_NO_CLOCK: ClocksRow = {"status": "failed", "n_pulses": 0, "n_missing": 0, "n_extra": 0}
+_NO_PULSES: ClocksRow = {"n_pulses": 0, "n_missing": 0, "n_extra": 0}
+_NO_CLOCK: ClocksRow = {"status": "failed", **_NO_PULSES}
 
 
 @dataclass(frozen=True)
@@ -96,16 +97,9 @@ class RecordingEvents:
             else:
                 time_s, sd_s = events.time_s, events.sd_s
                 declared = events.own_clock and self.pulses == SAME_CLOCK
-                clock = {
-                    "scale_ppm": 0.0,
-                    "offset_s": 0.0,
-                    "status": "ok",
-                    "message": "declared to be the recording's own clock" if declared else "",
-                    "clock_sd_ms": 1e3 * float(sd_s.max()) if (sd_s > 0).any() else None,
-                    "n_pulses": 0,
-                    "n_missing": 0,
-                    "n_extra": 0,
-                }
+                clock = {**_NO_PULSES, "status": "ok", "scale_ppm": 0.0, "offset_s": 0.0}
+                clock["message"] = "declared to be the recording's own clock" if declared else ""
+                clock["clock_sd_ms"] = 1e3 * float(sd_s.max()) if (sd_s > 0).any() else None
             if clock["status"] != "failed":
                 rows += _event_rows(events, time_s, sd_s)
                 clock = self._with_notes(clock, events, time_s)
@@ -194,6 +188,7 @@ def read_events(path: Path) -> Events:
 
 def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[EventsRow]:
     """Return rows of the events table without their number; an error sd_s of 0 is unknown."""
+    columns = (events.names, time_s, events.duration_s, events.value, events.channel, sd_s)
     return [
         {
             "name": name,
@@ -204,9 +199,7 @@ def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[EventsRow]:
             "source": events.source,
             "onset_sd_ms": 1e3 * float(sd) if sd > 0 else None,
         }
-        for name, onset_s, duration_s, value, channel, sd in zip(
-            events.names, time_s, events.duration_s, events.value, events.channel, sd_s, strict=True
-        )
+        for name, onset_s, duration_s, value, channel, sd in zip(*columns, strict=True)
     ]
 
 

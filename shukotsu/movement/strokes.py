@@ -8,7 +8,8 @@ fitted to each side, and the time at which they meet is the one of the best fit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +19,49 @@ from scipy.signal import savgol_filter
 
 from shukotsu.hand.recorded_movement import RecordedMovement
 from shukotsu.hand.rotations import Array, rotate, unit
-from shukotsu.movement.events import StruckEvent
+from shukotsu.movement.cycles import TimedEvent
 from shukotsu.movement.sampling import bridge_gaps, grid_of
+from shukotsu.study.study import Recording
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import EventStrokesRow
+
+MOST_ONSET_SD_MS = 10.0
+"""Largest usable 1-sigma error of an event's onset; less certain ones cannot be assigned to a stroke."""
+
+_PITCH = re.compile(r"\bnote \d{1,3}\b")
+_SAME_CLOCK = "same clock"
+
+
+@dataclass(frozen=True)
+class StruckEvent:
+    """An event that a fingertip made. row : its row of the events table. digit : the digit in its name, or
+    empty. refusal : why it cannot be used, or empty.
+    """
+
+    row: Mapping[str, Any]
+    digit: str
+    refusal: str
+
+
+def struck_events(
+    recording: Recording, events: Sequence[TimedEvent], digits: Sequence[str]
+) -> list[StruckEvent]:
+    """Return the events that name a pitch or a digit, in order of time, without those that align clocks."""
+    pulses = {part.strip() for part in recording.pulses.split("=")} - {"", _SAME_CLOCK}
+    struck = []
+    for row, doubt in ((event.row, event.doubt) for event in events):
+        words = row["name"].lower().split()
+        digit = next((name for name in digits if name.lower() in words), "")
+        if row["name"] in pulses or not (digit or _PITCH.search(row["name"])):
+            continue
+        sd_ms = row["onset_sd_ms"]
+        refusal = f"its clock is uncertain: {doubt}" if doubt else ""
+        if not refusal and sd_ms is not None and sd_ms > MOST_ONSET_SD_MS:
+            refusal = f"1-sigma error of its onset: {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f} ms"
+        struck.append(StruckEvent(row, digit, refusal))
+    return sorted(struck, key=lambda event: float(event.row["onset_s"]))
+
 
 BACK_S, AHEAD_S = 0.35, 0.15
 """Longest part of a recording before and after an event that can belong to its stroke."""
@@ -97,12 +136,10 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
     else:
         time_s = np.interp(np.arange(len(movement.time_s)), timed, movement.time_s[timed])
         windows = [None if event.refusal else _window(movement, time_s, event) for event in events]
-    losses = [
-        None if frames is None else _losses(frames, event)
-        for frames, event in zip(windows, events, strict=True)
-    ]
+    pairs = list(zip(events, windows, strict=True))
+    losses = [None if window is None else _losses(window, event) for event, window in pairs]
     down = _way_down([loss for loss in losses if loss is not None])
-    for event, window, loss in zip(events, windows, losses, strict=True):
+    for (event, window), loss in zip(pairs, losses, strict=True):
         row: EventStrokesRow = {"digit": "", "used": False, "status": "failed"}
         named: Any = {name: event.row[name] for name in ("event", "name", "onset_s", "onset_sd_ms")}
         row |= named
@@ -138,16 +175,8 @@ def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
     step_s = float(window.time_s[1] - window.time_s[0])
     half = max(1, round(SLOPE_S / step_s / 2))
     wide = [(half, half), (0, 0), (0, 0)]
-    slopes = savgol_filter(
-        np.pad(window.tips_mm, wide, constant_values=np.nan),
-        2 * half + 1,
-        1,
-        1,
-        step_s,
-        0,
-        "constant",
-        np.nan,
-    )
+    tips_mm = np.pad(window.tips_mm, wide, constant_values=np.nan)
+    slopes = savgol_filter(tips_mm, 2 * half + 1, 1, 1, step_s, 0, "constant", np.nan)
     near = np.flatnonzero(np.abs(window.time_s - event.row["onset_s"]) <= max(SEARCH_S, step_s))
     return window.time_s[near], slopes[near], slopes[near + 2 * half]
 
@@ -216,9 +245,8 @@ def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) ->
     width = max(3, 1 + 2 * round(_PEAK_S / step_s / 2))
     peak = speed
     if len(falling) >= width:
-        peak = max(
-            speed, float(np.linalg.norm(savgol_filter(falling, width, 1, 1, step_s, 0), axis=-1).max())
-        )
+        velocity = savgol_filter(falling, width, 1, 1, step_s, 0)
+        peak = max(speed, float(np.linalg.norm(velocity, axis=-1).max()))
     return {
         "key_down_s": corner.time_s,
         "key_down_sd_ms": 1e3 * float(np.hypot(corner.sd_s, SOFT_S)),
@@ -252,9 +280,8 @@ def _corner(time_s: Array, path: Array, about_s: float, before_s: float) -> _Cor
     grid_s = np.arange(-4, 5) * 0.002
     start_s = grid_s[np.argmin([fitted(shift_s)[1] for shift_s in grid_s])]
     bounds = start_s - 0.002, start_s + 0.002
-    best_s = float(
-        minimize_scalar(lambda s: fitted(s)[1], bounds=bounds, method="bounded", options={"xatol": 1e-5}).x
-    )
+    exact = {"xatol": 1e-5}
+    best_s = float(minimize_scalar(lambda s: fitted(s)[1], bounds=bounds, method="bounded", options=exact).x)
     parameters, squares, design = fitted(best_s)
     noise_mm = float(np.sqrt(squares / max(1, 3 * len(path) - 16)))
     bend = (fitted(best_s - 1e-3)[1] + fitted(best_s + 1e-3)[1] - 2 * squares) / 1e-6
@@ -267,6 +294,5 @@ def _corner(time_s: Array, path: Array, about_s: float, before_s: float) -> _Cor
     apart = [np.linalg.norm(slope(fitted(best_s + sign * far_s)[0])[:3]) for sign in (-1.0, 1.0)]
     own_sd = noise_mm * float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1])) / step_s
     by_time = float(apart[1] - apart[0]) / 2 * sd_s / max(far_s, 1e-9)
-    return _Corner(
-        about_s + best_s, sd_s, parameters[0], slope(parameters), float(np.hypot(own_sd, by_time)), noise_mm
-    )
+    speed_sd = float(np.hypot(own_sd, by_time))
+    return _Corner(about_s + best_s, sd_s, parameters[0], slope(parameters), speed_sd, noise_mm)

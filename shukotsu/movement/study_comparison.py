@@ -24,26 +24,11 @@ import pandas as pd
 
 from shukotsu.arrays import Float
 from shukotsu.errors import list_names
-from shukotsu.scores.paired_statistics import (
-    FEWEST_IN_GROUP,
-    FEWEST_REPEATED,
-    FEWEST_SUBJECTS,
-    LEVEL,
-    Difference,
-    group_difference,
-    holm,
-    paired_difference,
-    reliability,
-)
+from shukotsu.scores import paired_statistics
+from shukotsu.scores.paired_statistics import FEWEST_IN_GROUP, FEWEST_REPEATED, FEWEST_SUBJECTS, LEVEL
 from shukotsu.study.results import Results
 from shukotsu.study.study import OWN_FACTORS
-from shukotsu.tables.catalogue import (
-    FINGERTIP_PATHS,
-    MOVEMENT_DIFFERENCES,
-    MOVEMENT_RELIABILITY,
-    PROBLEMS,
-    RANGES_OF_MOTION,
-)
+from shukotsu.tables import catalogue
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
 from shukotsu.translation import tr
 
@@ -65,15 +50,11 @@ class ComparedColumn:
         return self.table.column(self.name).unit
 
 
+_OF_ANGLES = ("range_deg", "full_range_deg", "median_deg", "speed_median_deg_s", "speed_p95_deg_s")
+_OF_TIPS = ("path_length_mm", "speed_median_mm_s", "speed_p95_mm_s")
 QUANTITIES = (
-    *(
-        ComparedColumn(RANGES_OF_MOTION, name, ("joint", "angle"))
-        for name in ("range_deg", "full_range_deg", "median_deg", "speed_median_deg_s", "speed_p95_deg_s")
-    ),
-    *(
-        ComparedColumn(FINGERTIP_PATHS, name, ("digit",))
-        for name in ("path_length_mm", "speed_median_mm_s", "speed_p95_mm_s")
-    ),
+    *(ComparedColumn(catalogue.RANGES_OF_MOTION, name, ("joint", "angle")) for name in _OF_ANGLES),
+    *(ComparedColumn(catalogue.FINGERTIP_PATHS, name, ("digit",)) for name in _OF_TIPS),
 )
 
 
@@ -223,7 +204,7 @@ class LevelPair:
 
     def left_out(self, used: Collection[str]) -> tuple[int, str]:
         """Return how many subjects are not in `used`, and why they or some recordings of others are not."""
-        reasons: dict[str, list[str]] = {}
+        reason_of: dict[str, str] = {}
         for subject in sorted(self.levels_of, key=lambda name: name in used):
             levels, reason = self.levels_of[subject], self.suspect.get(subject, "")
             if subject not in used and reason != SUSPECT:
@@ -233,11 +214,17 @@ class LevelPair:
                     reason = "at both levels"
                 reason = reason or "no value"
             if reason:
-                reasons.setdefault(reason, []).append(subject)
-        if self.without:
-            reasons[f"no level of {self.factor}"] = list(self.without)
-        text = "; ".join(f"{reason}: {list_names(subjects)}" for reason, subjects in reasons.items())
-        return sum(name not in used for name in self.levels_of) + len(self.without), text
+                reason_of[subject] = reason
+        reason_of |= dict.fromkeys(self.without, f"no level of {self.factor}")
+        return sum(name not in used for name in self.levels_of) + len(self.without), _listed(reason_of)
+
+
+def _listed(reason_of: Mapping[str, str]) -> str:
+    """Return the reasons with the subjects to whom each applies; reason_of : by subject."""
+    subjects: dict[str, list[str]] = {}
+    for subject, reason in reason_of.items():
+        subjects.setdefault(reason, []).append(subject)
+    return "; ".join(f"{reason}: {list_names(names)}" for reason, names in subjects.items())
 
 
 def level_pairs(everything: RecordingLevels) -> Iterator[LevelPair]:
@@ -293,9 +280,8 @@ def difference_rows(
             for key, family in families.items():
                 if key[:-1] != tuple(pair.where.values()):
                     continue
-                for (of,), subjects, values in _cells(
-                    family.reindex(columns=[pair.level, pair.other]), ["of"]
-                ):
+                two_levels = family.reindex(columns=[pair.level, pair.other])
+                for (of,), subjects, values in _cells(two_levels, ["of"]):
                     row = where | {"model": key[-1], "of": of, "unit": quantity.unit}
                     yield row | _difference_row(subjects, values, pair)
 
@@ -323,7 +309,7 @@ def judge(rows: Sequence[MovementDifferencesRow]) -> None:
         key = row["factor"], row["level"], row["other_level"], row["model"]
         families.setdefault(key, []).append(row)
     for family in families.values():
-        for row, p_holm in zip(family, holm([row["p"] for row in family]), strict=True):
+        for row, p_holm in zip(family, paired_statistics.holm([row["p"] for row in family]), strict=True):
             row["p_holm"] = p_holm
             row["verdict"] = "" if p_holm is None else SHOWN if p_holm <= LEVEL else NOT_SHOWN
 
@@ -338,36 +324,24 @@ def _difference_row(
         counts[:] = counts.all(1, keepdims=True)
     first, other = values[counts[:, 0], 0], values[counts[:, 1], 1]
     n, m = len(first), len(other)
-    n_left_out, reason = pair.left_out(
-        {name for name, used in zip(subjects, counts.any(1), strict=True) if used}
-    )
-    row: MovementDifferencesRow = {
-        "n": n,
-        "n_other": m,
-        "left_out": n_left_out,
-        "left_out_reason": reason,
-        "message": "",
-    }
+    used = {name for name, counted in zip(subjects, counts.any(1), strict=True) if counted}
+    n_left_out, reason = pair.left_out(used)
+    row: MovementDifferencesRow = {"n": n, "n_other": m, "left_out": n_left_out, "left_out_reason": reason}
     if n and m:
         row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
         sd, other_sd = (float(each.std(ddof=1)) if len(each) > 1 else None for each in (first, other))
         row |= {"sd": sd, "other_sd": other_sd}
         row["difference"] = row["mean"] - row["other_mean"]
-    result: Difference | None = None
+    result: paired_statistics.Difference | None = None
     if is_within and n:
-        result = paired_difference(first - other)
+        result = paired_statistics.paired_difference(first - other)
     elif not is_within and min(n, m) >= 2:
-        result = group_difference(first, other)
+        result = paired_statistics.group_difference(first, other)
     row |= {"p": None, "test": "", "effect_size_name": ""}
     if result is not None and result.effect is not None and result.effect_interval is not None:
         low, high = result.effect_interval
-        name = "d_z" if is_within else "hedges_g"
-        row |= {
-            "effect_size": result.effect,
-            "effect_size_name": name,
-            "effect_low": low,
-            "effect_high": high,
-        }
+        row |= {"effect_size": result.effect, "effect_low": low, "effect_high": high}
+        row["effect_size_name"] = "d_z" if is_within else "hedges_g"
     row["message"] = why_untested(pair.design, n, m)
     if not row["message"] and result is not None:
         row |= {"p": result.p, "test": "signs flipped" if is_within else "Welch's t, Cochran's p"}
@@ -451,20 +425,12 @@ def _reliability_row(
     in_all = seen[:, is_shared].all(1)
     dropped = [subject for subject, complete in zip(subjects, in_all, strict=True) if not complete]
     reasons = {subject: f"not in all of {list_names(shared)}" for subject in dropped} | dict(absent)
-    by_reason: dict[str, list[str]] = {}
-    for subject, reason in reasons.items():
-        by_reason.setdefault(reason, []).append(subject)
-    row: MovementReliabilityRow = {
-        "n": int(in_all.sum()),
-        "k": len(shared),
-        "left_out": len(reasons),
-        "left_out_reason": "; ".join(f"{reason}: {list_names(names)}" for reason, names in by_reason.items()),
-        "message": "",
-    }
-    if row["n"] < FEWEST_REPEATED or len(shared) < 2:
-        few = f"not computed: {row['n']} in all {len(shared)}, but {FEWEST_REPEATED} subjects are needed"
-        return row | {"message": few}
-    result = reliability(values[in_all][:, is_shared])
+    n, k = int(in_all.sum()), len(shared)
+    row: MovementReliabilityRow = {"n": n, "k": k, "left_out": len(reasons), "message": ""}
+    row["left_out_reason"] = _listed(reasons)
+    if n < FEWEST_REPEATED or k < 2:
+        return row | {"message": f"not computed: {n} in all {k}, but {FEWEST_REPEATED} subjects are needed"}
+    result = paired_statistics.reliability(values[in_all][:, is_shared])
     intervals = {
         "icc_2_1": (result.agreement.value, result.agreement.interval),
         "icc_3_1": (result.consistency.value, result.consistency.interval),
@@ -488,9 +454,9 @@ def compare_study(
     levels : from `factor_levels`. factors : the factors that are compared pair by pair. sheets : their files,
     for the tables' metadata. Raises TableError if a table is damaged.
     """
-    problems = _read(results, PROBLEMS, ["subject", "session", "hand", "severity"])
+    problems = _read(results, catalogue.PROBLEMS, ["subject", "session", "hand", "severity"])
     everything = mark_suspect(levels, factors, problems)
-    inputs = [results.study_table(name) for name in (PROBLEMS.name, *TABLES)]
+    inputs = [results.study_table(name) for name in (catalogue.PROBLEMS.name, *TABLES)]
     provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
     differences: list[MovementDifferencesRow] = []
     reliabilities: list[MovementReliabilityRow] = []
@@ -499,7 +465,8 @@ def compare_study(
         differences += difference_rows(quantity, numbers, pairs)
         reliabilities += reliability_rows(quantity, numbers, everything)
     judge(differences)
-    for table, rows in ((MOVEMENT_DIFFERENCES, differences), (MOVEMENT_RELIABILITY, reliabilities)):
+    tables = ((catalogue.MOVEMENT_DIFFERENCES, differences), (catalogue.MOVEMENT_RELIABILITY, reliabilities))
+    for table, rows in tables:
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
 
 

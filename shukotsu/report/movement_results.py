@@ -16,7 +16,7 @@ import pandas as pd
 import pyarrow.compute as pc
 
 from shukotsu.movement import study_comparison
-from shukotsu.movement.cycle_curves import MOST_EVENTS, PERCENT
+from shukotsu.movement.cycles import MOST_EVENTS, PERCENT
 from shukotsu.movement.study_comparison import QUANTITIES, WITHIN, RecordingLevels
 from shukotsu.report.belief import NOT, study_beliefs
 from shukotsu.report.study_results import StudyResults

@@ -149,7 +149,7 @@ def read_constants(path: Path) -> dict[str, Any]:
 
 @cache
 def export_constants() -> dict[str, Any]:
-    """Return the groups of `export/formats.yaml` (formats and rigs) with their entries."""
+    """Return the groups of `export/formats.yaml` (formats, rigs, words) with their entries."""
     return read_constants(PACKAGE / "export" / "formats.yaml")
 
 

@@ -16,7 +16,7 @@ from simulated_hands import FITTED, SimulatedHand
 
 from shukotsu.errors import InputError
 from shukotsu.export.c3d_file import write
-from shukotsu.export.motion import with_seen_receivers
+from shukotsu.export.exported_motion import with_seen_receivers
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import angle, conjugate, from_matrix, matrix, multiply
 

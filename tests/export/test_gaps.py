@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
+from shukotsu.export.exported_motion import local_motion
 from shukotsu.export.gaps import FILLED_FRAMES, close_gaps, find_gaps, resample_evenly
-from shukotsu.export.motion import local_motion
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, unit
 

@@ -25,8 +25,8 @@ from moving_fingers import moving_fingers
 from program_files import printed_by
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
+from shukotsu.export.exported_motion import rest_pose
 from shukotsu.export.glb import bone_mesh, write
-from shukotsu.export.motion import rest_pose
 from shukotsu.export.rigging import with_webxr_names
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import conjugate, rotate

@@ -14,7 +14,7 @@ from moving_fingers import blanked
 from program_files import printed_by
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.motion import stiffen
+from shukotsu.export.exported_motion import stiffen
 from shukotsu.export.opensim import write
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import about_axis, angle, conjugate, continuous, multiply, rotate, unit

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.errors import InputError
-from shukotsu.export import motion as export_motion
-from shukotsu.export.motion import in_webxr, local_motion, read_motion, rest_pose
+from shukotsu.export import exported_motion
+from shukotsu.export.exported_motion import in_webxr, local_motion, read_motion, rest_pose
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import Origin, PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import angle, conjugate, multiply, rotate
@@ -118,7 +118,7 @@ def test_ranges_use_frame_numbers_and_long_recordings_are_thinned(
     np.testing.assert_array_equal(part.quaternion, whole.quaternion[whole.frame.searchsorted(part.frame)])
     with pytest.raises(InputError, match=r"no frame of the recording is in 900:; it has \d to 2\d\d"):
         read_motion(posed, frames=(900, None))
-    monkeypatch.setattr(export_motion, "MOST_FRAMES", 100)
+    monkeypatch.setattr(exported_motion, "MOST_FRAMES", 100)
     some = read_motion(posed)
     assert some.frame.tolist() == whole.frame[::3].tolist()
     assert some.rate_hz == pytest.approx(80)

@@ -10,7 +10,7 @@ import pytest
 from moving_fingers import moving_fingers, timed
 
 from shukotsu.errors import InputError
-from shukotsu.export.motion import local_motion
+from shukotsu.export.exported_motion import local_motion
 from shukotsu.export.registry import DIRECTIONS, FORMATS, ExportSettings, prepare, upright, write_format
 from shukotsu.hand.posing import Origin, PosedRecording
 from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, rotate

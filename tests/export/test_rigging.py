@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.motion import local_motion, rest_pose
+from shukotsu.export.exported_motion import local_motion, rest_pose
 from shukotsu.export.rigging import RIGS, fold_joints, on_rig
 from shukotsu.hand.rotations import rotate
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.motion import rest_pose
+from shukotsu.export.exported_motion import rest_pose
 from shukotsu.export.tidy_csv import bone_angles_deg, write
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.known_digits import rest_rotations

@@ -10,8 +10,7 @@ import pytest
 
 from shukotsu.hand.recorded_movement import AngleSeries
 from shukotsu.hand.rotations import Array
-from shukotsu.movement.cycle_curves import MOST_EVENTS, PERCENT, averaged_cycles, curve_rows
-from shukotsu.movement.events import Cycle, cut_cycles
+from shukotsu.movement.cycles import MOST_EVENTS, PERCENT, Cycle, averaged_cycles, curve_rows, cut_cycles
 from shukotsu.movement.sampling import grid_of
 
 STEP_S = 1 / 240

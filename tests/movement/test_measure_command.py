@@ -15,7 +15,7 @@ from small_study import QUICK, PlannedSubject, planned_subject, run_stages
 from stage_runs import measure_movement as main
 from stage_runs import of_plan
 
-from benchmarks.pianist import Played, play
+from benchmarks.keystrokes import Played, play
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.joint_angles import joint_angles, joint_rotation

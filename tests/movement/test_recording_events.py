@@ -12,7 +12,7 @@ from small_study import HEADER, write_plans, write_study
 from stage_runs import align_events as main
 
 from shukotsu.errors import InputError
-from shukotsu.movement.events import cut_cycles, within_recording
+from shukotsu.movement.cycles import cut_cycles, within_recording
 from shukotsu.movement.recording_events import READERS, RecordingEvents, read_events
 from shukotsu.study.plan_file import read_plan
 from shukotsu.tables.catalogue import TABLES

@@ -20,7 +20,7 @@ from matplotlib.ticker import MultipleLocator
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.known_digits import root_of
-from shukotsu.movement.cycle_curves import PERCENT
+from shukotsu.movement.cycles import PERCENT
 from shukotsu.report import palette
 from shukotsu.report.figures import drawing
 from shukotsu.report.figures.drawing import FOOT_MM, PLAIN, Drawing, NoDataError, Panel

@@ -1,23 +1,29 @@
-"""Events of a hand's recordings: those that delimit cycles of a movement, and those made by a fingertip."""
+"""Events of a hand's recordings, the cycles of a movement that they delimit, and joint angles over the cycle.
+
+The angles are averaged over a recording's cycles, with their standard deviation, at every percent.
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError
-from shukotsu.movement.sampling import grid_of
+from shukotsu.hand.recorded_movement import AngleSeries
+from shukotsu.movement.sampling import Grid, grid_of
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import CLOCKS, EVENTS
 from shukotsu.tables.poses import pose_blocks
 from shukotsu.tables.typed_table import read_table, rows_of
+
+if TYPE_CHECKING:
+    from shukotsu.tables.rows import CycleCurvesRow
 
 SHORTEST, LONGEST = 0.5, 2.0
 """Shortest and longest cycle, as shares of the median duration; others are taken for another movement."""
@@ -39,7 +45,7 @@ class Cycle:
 
 
 def cut_cycles(
-    event: str, onset_s: Sequence[float], duration_s: Sequence[float], sd_s: Sequence[float] | None = None
+    event: str, onset_s: Sequence[float], duration_s: Sequence[float], sd_s: Sequence[float] | float = 0.0
 ) -> list[Cycle]:
     """Return the cycles of the events of one name, in order of time.
 
@@ -53,14 +59,12 @@ def cut_cycles(
         Name of the events.
     onset_s, duration_s, sd_s : sequence of float, length N
         Onsets, durations and 1-sigma errors of the onsets, s. An error is NaN if unknown and infinite if the
-        events' clock is weak.
+        events' clock is weak; a single number is the error of all.
 
     """
     order = np.argsort(np.asarray(onset_s, float), kind="stable")
     onset, stated = np.asarray(onset_s, float)[order], np.asarray(duration_s, float)[order]
-    sd = np.nan_to_num(np.zeros(len(stated)) if sd_s is None else np.asarray(sd_s, float), posinf=np.inf)[
-        order
-    ]
+    sd = np.nan_to_num(np.broadcast_to(sd_s, len(stated)), posinf=np.inf)[order]
     to_next = ~(stated > 0)
     duration = np.where(to_next, np.append(np.diff(onset), np.nan), stated)
     sd = np.where(to_next, np.maximum(sd, np.append(sd[1:], 0.0)), sd)
@@ -68,9 +72,8 @@ def cut_cycles(
     onset, duration, sd = onset[kept], duration[kept], sd[kept]
     usual = float(np.median(duration)) if len(duration) else np.nan
     cycles = []
-    for number, (start, length, off) in enumerate(
-        zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)
-    ):
+    times = zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)
+    for number, (start, length, off) in enumerate(times):
         refusal = ""
         if np.isinf(off):
             refusal = "the clock of its events is weak"
@@ -94,30 +97,12 @@ def within_recording(cycles: Sequence[Cycle], time_s: Array) -> list[Cycle]:
     ]
 
 
-MOST_ONSET_SD_MS = 10.0
-"""Largest usable 1-sigma error of an event's onset; less certain ones cannot be assigned to a stroke."""
-
-_PITCH = re.compile(r"\bnote \d{1,3}\b")
-_SAME_CLOCK = "same clock"
-
-
 @dataclass(frozen=True)
 class TimedEvent:
     """A row of the events table that has a time; doubt : why its clock is uncertain, or empty."""
 
     row: Mapping[str, Any]
     doubt: str
-
-
-@dataclass(frozen=True)
-class StruckEvent:
-    """An event that a fingertip made. row : its row of the events table. digit : the digit in its name, or
-    empty. refusal : why it cannot be used, or empty.
-    """
-
-    row: Mapping[str, Any]
-    digit: str
-    refusal: str
 
 
 def events_of(
@@ -132,9 +117,8 @@ def events_of(
         return tuple(row[name] for name in CLOCKS.key)
 
     clock_rows = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
-    weak = {
-        place(row): row["message"] or "its status is weak" for row in clock_rows if row["status"] == "weak"
-    }
+    weak_rows = [row for row in clock_rows if row["status"] == "weak"]
+    weak = {place(row): row["message"] or "its status is weak" for row in weak_rows}
     by_recording: dict[tuple[str, str], list[TimedEvent]] = {}
     for row in [] if events is None else rows_of(read_table(events, EVENTS)):
         if (row["session"], row["hand"]) == (plan.who.session, hand) and row["onset_s"] is not None:
@@ -168,20 +152,71 @@ def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEve
     return [within_recording(cycles, finite) for cycles in cut if cycles]
 
 
-def struck_events(
-    recording: Recording, events: Sequence[TimedEvent], digits: Sequence[str]
-) -> list[StruckEvent]:
-    """Return the events that name a pitch or a digit, in order of time, without those that align clocks."""
-    pulses = {part.strip() for part in recording.pulses.split("=")} - {"", _SAME_CLOCK}
-    struck = []
-    for row, doubt in ((event.row, event.doubt) for event in events):
-        words = row["name"].lower().split()
-        digit = next((name for name in digits if name.lower() in words), "")
-        if row["name"] in pulses or not (digit or _PITCH.search(row["name"])):
+PERCENT = np.arange(101)
+
+MOST_EVENTS = 4
+"""Largest number of event names per recording for which curves are computed: those with the most cycles.
+
+In recordings of music every pitch is an event name.
+"""
+
+
+def averaged_cycles(cycles: Sequence[Sequence[Cycle]]) -> list[list[Cycle]]:
+    """Return the cycles that curves are averaged over: one list for each event name that has usable cycles.
+
+    cycles : the cycles of a recording, one list per event name.
+    """
+    used = [[cycle for cycle in of_event if not cycle.refusal] for of_event in cycles]
+    return sorted(filter(None, used), key=len, reverse=True)[:MOST_EVENTS]
+
+
+def over_cycles(time_s: Array, values: Array, cycles: Sequence[Cycle], grid: Grid) -> Array:
+    """Sample a series at every percent of each cycle, by linear interpolation between neighbouring frames.
+
+    Parameters
+    ----------
+    time_s, values : array, shape (T,)
+        Device times of the frames, NaN where unknown, and the series, NaN in gaps.
+    cycles : sequence of Cycle, length C
+        Cycles, which must be within the recording.
+    grid : Grid
+        Even grid of the frames; grid points without a frame are gaps.
+
+    Returns
+    -------
+    array, shape (C, 101)
+        Values in the unit of the series; NaN if the frame before or after is a gap, however short.
+
+    """
+    timed = np.isfinite(time_s)
+    times_s = np.interp(np.arange(grid.count), grid.index[timed], time_s[timed])
+    begin_s = np.array([[cycle.onset_s] for cycle in cycles])
+    length_s = np.array([[cycle.duration_s] for cycle in cycles])
+    read_at_s = begin_s + length_s * (PERCENT / PERCENT[-1])
+    return np.asarray(np.interp(read_at_s, np.maximum.accumulate(times_s), grid.spread(values)))
+
+
+def curve_rows(
+    series: AngleSeries, time_s: Array, cycles: Sequence[Sequence[Cycle]], grid: Grid
+) -> Iterator[CycleCurvesRow]:
+    """Yield the rows of cycle_curves of an angle, if any cycle has it; cycles : from `averaged_cycles`."""
+    for of_event in cycles:
+        courses = over_cycles(time_s, series.angle_deg, of_event, grid)
+        measured = ~np.isnan(courses)
+        n = measured.sum(axis=0)
+        if not n.any():
             continue
-        sd_ms = row["onset_sd_ms"]
-        refusal = f"its clock is uncertain: {doubt}" if doubt else ""
-        if not refusal and sd_ms is not None and sd_ms > MOST_ONSET_SD_MS:
-            refusal = f"1-sigma error of its onset: {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f} ms"
-        struck.append(StruckEvent(row, digit, refusal))
-    return sorted(struck, key=lambda event: float(event.row["onset_s"]))
+        mean = np.where(measured, courses, 0.0).sum(axis=0) / np.maximum(n, 1)
+        squares = np.where(measured, (courses - mean) ** 2, 0.0).sum(axis=0)
+        sd = np.sqrt(squares / np.maximum(n - 1, 1))
+        for percent in PERCENT.tolist():
+            count = int(n[percent])
+            yield {
+                "event": of_event[0].event,
+                "joint": series.joint,
+                "angle": series.angle,
+                "cycle_percent": percent,
+                "mean_deg": float(mean[percent]) if count else None,
+                "sd_deg": float(sd[percent]) if count > 1 else None,
+                "n_cycles": count,
+            }
