@@ -28,13 +28,12 @@ from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
 from shukotsu.tables.text_files import open_text
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
-
 _JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
-
 FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
-
 MOST_LINES = 16
 """With more receivers than this, positions and angles are each summarised in one line."""
+_NEAREST_MM = 30.0
+"""Usual distance of neighbouring receivers on a hand with one per phalanx."""
 REPEATED_SHARE = 0.2
 """Share of rows that repeat the previous one, above which receivers are not in step with the rows."""
 
@@ -326,10 +325,6 @@ def _by_station(drafted: Mapping[str, Any], layout: Layout) -> list[dict[str, An
         if len(right) == len(ordered) and len(left) in (0, len(ordered)):
             return [dict(zip(ordered, part, strict=False)) for part in (right, left)]
     return []
-
-
-_NEAREST_MM = 30.0
-"""Usual distance of neighbouring receivers on a hand with one per phalanx."""
 
 
 def _nearest(position: Array) -> str:
