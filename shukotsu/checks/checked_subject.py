@@ -159,17 +159,12 @@ def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Record
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
     """Return a finding, by index, for each recording whose receivers are placed differently from the rest."""
     findings: dict[int, Finding] = {}
+    all_sizes = [measure(checked) for _, _, checked in recordings]
+    changed = [any(each.kind == "sudden-change" for each in checked.findings) for _, _, checked in recordings]
     for hand in dict.fromkeys(hand for _, hand, _ in recordings):
-        measured = {
-            index: sizes
-            for index, (_, side, checked) in enumerate(recordings)
-            if side == hand and (sizes := measure(checked)) is not None
-        }
-        judging = {
-            index: sizes
-            for index, sizes in measured.items()
-            if not any(finding.kind == "sudden-change" for finding in recordings[index][2].findings)
-        }
+        of_hand = [index for index, (_, side, _) in enumerate(recordings) if side == hand]
+        measured = {index: sizes for index in of_hand if (sizes := all_sizes[index]) is not None}
+        judging = {index: sizes for index, sizes in measured.items() if not changed[index]}
         if not judging:
             continue
         usual = min(  # the first one of those that differ from fewest others

@@ -54,20 +54,16 @@ class Declared:
         orientation = mapping.get("orientation") or {}
         usual = "quaternion" if mapping["format"] in ("csv", "xdf") else "matrix"
         kind = kind or orientation.get("kind", usual)
-        return cls(
-            mapping["format"],
-            mapping.get("position_unit", cls.position_unit),
-            kind,
-            orientation.get("order", cls.order),
-            orientation.get("rotates", cls.rotates),
-            orientation.get("axes", "") if kind == "euler" else "",
-            orientation.get("unit", ""),
-            mapping.get("csv", {}).get("time_unit", ""),
-            mapping.get("rate_hz", 0.0),
-            tuple(mapping.get("position_axes", cls.position_axes)),
-        )
+        declared = {name: mapping[name] for name in ("position_unit", "rate_hz") if name in mapping}
+        declared |= {name: orientation[name] for name in ("order", "rotates") if name in orientation}
+        declared["axes"] = orientation.get("axes", "") if kind == "euler" else ""
+        declared["angle_unit"] = orientation.get("unit", "")
+        declared["time_unit"] = mapping.get("csv", {}).get("time_unit", "")
+        position_axes = tuple(mapping.get("position_axes", cls.position_axes))
+        return cls(mapping["format"], kind=kind, position_axes=position_axes, **declared)
 
 
+Undo = Callable[[SampledMotion], SampledMotion]
 TIDY = Declared()
 """A tidy table: millimetres, and quaternions w, x, y, z from the receiver to the transmitter."""
 
@@ -81,7 +77,7 @@ class Hypothesis:
     """
 
     kind: str
-    undo: Callable[[SampledMotion], SampledMotion]
+    undo: Undo
     variant: str = ""
     values: Values = field(default_factory=dict)
     places: frozenset[int] | None = None
@@ -153,9 +149,7 @@ INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 """Signs that conjugate a unit quaternion."""
 
 
-def _undo_quaternion_change(
-    recorded: Recorded, change: Callable[[Array], Array]
-) -> Callable[[SampledMotion], SampledMotion]:
+def _undo_quaternion_change(recorded: Recorded, change: Callable[[Array], Array]) -> Undo:
     """Return a function that applies `change` to the quaternions as in the file, before any inversion."""
     sense = INVERSE if recorded.declared.rotates == SENSES[1] else np.ones(4)
 
@@ -179,8 +173,8 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
         read, true = ", ".join(declared.order), ", ".join(order)
         values = {"read": read, "true": true, "order": order, "rotates": rotates, "anew": anew}
         usual = order in CYCLIC_ORDERS
-        variants = [("order", np.ones(4)), ("inverse-too", INVERSE)] if usual else [("order", np.ones(4))]
-        for variant, sign in variants:
+        variants = {"order": np.ones(4), "inverse-too": INVERSE} if usual else {"order": np.ones(4)}
+        for variant, sign in variants.items():
 
             def reordered(q: Array, columns: list[int] = columns, sign: Array = sign) -> Array:
                 return q[..., columns] * sign
@@ -227,9 +221,7 @@ def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable
     return change
 
 
-def _undo_axes(
-    factor: float | Array, order: Sequence[int] = (0, 1, 2)
-) -> Callable[[SampledMotion], SampledMotion]:
+def _undo_axes(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Undo:
     """Return a function that permutes and scales the axes of positions."""
     columns = list(order)
     return lambda motion: replace(motion, position_mm=motion.position_mm[..., columns] * factor)
@@ -260,8 +252,8 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
             values: dict[str, Any] = {"columns": ", ".join(columns).replace("--", "")}
             mirrored = order == (0, 1, 2)
             if mirrored:
-                values["negated"] = [n for n, s in zip(names, signs, strict=True) if s < 0]
-                values["count"] = len(values["negated"])
+                negated = [n for n, s in zip(names, signs, strict=True) if s < 0]
+                values |= {"negated": negated, "count": len(negated)}
             variant = "negated" if mirrored else "exchanged"
             yield Hypothesis("axes-mirrored", _undo_axes(sign, order), variant, values)
 
@@ -318,9 +310,7 @@ def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> l
     return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
 
 
-def _undo_exchange(
-    recorded: Recorded, first: Sequence[int], second: Sequence[int]
-) -> Callable[[SampledMotion], SampledMotion]:
+def _undo_exchange(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> Undo:
     """Return a function that undoes an exchange of receivers, with the axes of each mounting corrected.
 
     first, second : indices of segments; each of the first has the poses of its counterpart in the second.
@@ -330,9 +320,8 @@ def _undo_exchange(
     exchange = recorded.mirrored(np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes)
 
     def undo(motion: SampledMotion) -> SampledMotion:
-        return SampledMotion(
-            motion.position_mm[:, rows], motion.rotation[:, rows] @ exchange, motion.valid[:, rows]
-        )
+        rotation = motion.rotation[:, rows] @ exchange
+        return SampledMotion(motion.position_mm[:, rows], rotation, motion.valid[:, rows])
 
     return undo
 
@@ -373,7 +362,7 @@ def _axes_values(axes: Array) -> dict[str, Any]:
     }
 
 
-def _undo_turn(turn: Array, receiver: int | slice = slice(None)) -> Callable[[SampledMotion], SampledMotion]:
+def _undo_turn(turn: Array, receiver: int | slice = slice(None)) -> Undo:
     def undo(motion: SampledMotion) -> SampledMotion:
         rotation = motion.rotation.copy()
         rotation[:, receiver] = rotation[:, receiver] @ turn

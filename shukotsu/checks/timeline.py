@@ -72,12 +72,10 @@ def _windows(
     """
     count = max(0, len(rows) - more)
     ends = [(s, min(s + BLOCK_ROWS, count) + more) for s in range(0, max(count, 1), BLOCK_ROWS)]
+    blocks: list[Index | slice] = [rows[start:end] for start, end in ends]
     if len(rows) > more and rows[-1] - rows[0] == len(rows) - 1:
-        first = int(rows[0])
-        parts = [function(slice(first + start, first + end)) for start, end in ends]
-    else:
-        parts = [function(rows[start:end]) for start, end in ends]
-    return np.concatenate(parts, -1)
+        blocks = [slice(int(rows[0]) + start, int(rows[0]) + end) for start, end in ends]
+    return np.concatenate([function(block) for block in blocks], -1)
 
 
 def sides(line: Timeline) -> npt.NDArray[np.int8]:
@@ -117,9 +115,8 @@ def spikes(line: Timeline) -> Bools:
                 off, apart = middle - (before + after) / 2, after - before
                 away = _between_deg(turn[far:-far], turn[: -2 * far])
                 around = _between_deg(turn[: -2 * far], turn[2 * far :])
-                return np.stack(
-                    [*(np.linalg.norm(step_mm, axis=-1) for step_mm in (off, apart)), away, around]
-                )
+                off_mm, apart_mm = (np.linalg.norm(step_mm, axis=-1) for step_mm in (off, apart))
+                return np.stack([off_mm, apart_mm, away, around])
 
             off, apart, away, around = _windows(rows, 2 * far, steps)
             least = max(SPIKE_MM, SPIKE_TIMES * float(np.quantile(off, 0.9)))
@@ -160,11 +157,8 @@ def _same_as_before(line: Timeline, receiver: int) -> Bools:
     """Return whether a receiver's pose is bitwise equal to that of the previous frame, (T - 1,)."""
 
     def same(part: Index | slice) -> Bools:
-        places, turns = (
-            (numbers[1:] == numbers[:-1]).all(-1)
-            for numbers in (line.position_mm[part, receiver], line.quaternion[part, receiver])
-        )
-        return np.asarray(places & turns)
+        place, turn = line.position_mm[part, receiver], line.quaternion[part, receiver]
+        return np.asarray((place[1:] == place[:-1]).all(-1) & (turn[1:] == turn[:-1]).all(-1))
 
     return _windows(np.arange(len(line.valid)), 1, same)
 

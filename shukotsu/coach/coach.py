@@ -119,9 +119,8 @@ class Estimate:
 def estimate(coached: CoachedHand, poses: Poses) -> Estimate:
     """Fit the hand to all frames. Raises InputError if there are too few, or if they are not of a hand."""
     if len(poses.frame) < LEAST_FRAMES:
-        raise InputError(
-            f"{count_of(len(poses.frame), 'frame', 'are')} too few for an estimate; expected {LEAST_FRAMES}"
-        )
+        count = count_of(len(poses.frame), "frame", "are")
+        raise InputError(f"{count} too few for an estimate; expected {LEAST_FRAMES}")
     fitting = coached.model.fitting
     assert fitting is not None
     try:
@@ -136,11 +135,8 @@ def estimate(coached: CoachedHand, poses: Poses) -> Estimate:
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
-    rows = {
-        row["joint"]: judged_joint(row, coached.layout.wanted_mm)
-        for row in joint_rows(fit)
-        if row["joint"] in fit.joints
-    }
+    solved = [row for row in joint_rows(fit) if row["joint"] in fit.joints]
+    rows = {row["joint"]: judged_joint(row, coached.layout.wanted_mm) for row in solved}
     return Estimate(float(poses.time_s[-1]), tips, rows)
 
 
@@ -280,16 +276,15 @@ class Coach:
             self._advise(now.estimate)
             if time_s >= self._loose_s:
                 self._loose_s = time_s + LOOSE_S
-                before = now.loose
-                now.loose = {
-                    moved.segment: f"The receiver on {moved.segment} moved by {moved.shift_mm:.1f} mm "
-                    f"and {moved.turn_deg:.0f} deg at {moved.start.time_s:.0f} s: tape it anew, end and "
-                    "start again."
-                    for moved in displaced_in(now.estimate.tips.fit, [now.kept.poses()]).loose
-                }
-                for segment, sentence in now.loose.items():
-                    if segment not in before:
-                        self._say(sentence)
+                before, now.loose = now.loose, {}
+                for moved in displaced_in(now.estimate.tips.fit, [now.kept.poses()]).loose:
+                    now.loose[moved.segment] = (
+                        f"The receiver on {moved.segment} moved by {moved.shift_mm:.1f} mm and "
+                        f"{moved.turn_deg:.0f} deg at {moved.start.time_s:.0f} s: tape it anew, end and "
+                        "start again."
+                    )
+                    if moved.segment not in before:
+                        self._say(now.loose[moved.segment])
 
     def _check(self) -> None:
         """Check the newest frames like a recording; findings suspend the requests."""
@@ -392,10 +387,9 @@ class Coach:
 
 def joint_lines(current: Estimate | None) -> list[str]:
     """Format every joint with its stated error and verdict, one line per joint."""
-    rows = [] if current is None else current.rows.values()
     return [
         f"{row['joint']:<14} {row['sd_mm']:6.2f} mm  {row['verdict']:<8} {first_reason(row)}".rstrip()
-        for row in rows
+        for row in (current.rows.values() if current else ())
     ]
 
 

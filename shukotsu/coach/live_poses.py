@@ -18,7 +18,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Bools
 from shukotsu.readers.jumps import spikes
-from shukotsu.readers.poses_table import NORM_TOLERANCE
+from shukotsu.readers.segment_rows import NORM_TOLERANCE
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tracker.archive import FollowedArchive, Piece, open_archive
@@ -96,9 +96,8 @@ class LivePoses:
         """Return whether positions (N, 3) are on the side of the transmitter on which the receiver began."""
         before = np.concatenate([self._before[[column]], at_mm[:-1]])
         step, mirrored = np.linalg.norm(at_mm - before, axis=1), np.linalg.norm(at_mm + before, axis=1)
-        sign = self._mirrored[column] * np.cumprod(
-            np.where((step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step), -1.0, 1.0)
-        )
+        flips = (step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step)
+        sign = self._mirrored[column] * np.cumprod(np.where(flips, -1.0, 1.0))
         self._mirrored[column], self._before[column] = sign[-1], at_mm[-1]
         return np.asarray(sign > 0)
 

@@ -9,7 +9,7 @@ most poses of a receiver are on the right side.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -19,7 +19,7 @@ from shukotsu.arrays import Array, Integers
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import matrix, unit
-from shukotsu.readers.jumps import OwnSides, ReceiverPoses, solve_centre, solve_centres
+from shukotsu.readers.jumps import Links, OwnSides, PosesOf, ReceiverPoses, solve_centre, solve_centres
 from shukotsu.study.layout import Layout
 
 LONGEST_LEVER_MM = 600.0
@@ -66,7 +66,7 @@ def expected_joints(layout: Layout) -> dict[str, Array]:
 
 def sides(
     receivers: Mapping[str, OwnSides],
-    poses: Callable[[str], ReceiverPoses],
+    poses: PosesOf,
     parents: Mapping[str, str],
     expected_mm: Mapping[str, Array],
     *,
@@ -107,10 +107,9 @@ def sides(
         share[name] = np.array([right, -right])
     odds = _marginal(share, tables, parents)
     other = {name: int(odd < 0) for name, odd in odds.items()}
-    judged = [
-        (tables[child], other[parents[child]], other[child]) for child in tables if child in expected_mm
-    ]
-    for_it = sum(float(table[i, j] - table[1 - i, 1 - j]) for table, i, j in judged)
+    judged = [child for child in tables if child in expected_mm]
+    ends = [(tables[child], other[parents[child]], other[child]) for child in judged]
+    for_it = sum(float(table[i, j] - table[1 - i, 1 - j]) for table, i, j in ends)
     if all_along and len(judged) >= FEWEST_JOINTS and for_it < -ANATOMY * len(judged):
         other = {name: 1 - side for name, side in other.items()}
     return {
@@ -188,9 +187,7 @@ def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Int
     return rows, right[rows] - 1, right[rows], past[rows] / apart[rows]
 
 
-def _settle(
-    receivers: Mapping[str, OwnSides], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
-) -> dict[str, OwnSides]:
+def _settle(receivers: Mapping[str, OwnSides], poses: PosesOf, links: Links) -> dict[str, OwnSides]:
     """Flip those runs of receivers that their joints contradict.
 
     Only receivers with several runs are changed: their own positions leave the runs' relative signs

@@ -188,6 +188,10 @@ def _turned_and_apart(first: Array, second: Array) -> Array:
 
 ReceiverPoses = tuple[Integers, Array]
 """Frames (N,), ascending, and numbers (N, 7) of a receiver's usable poses."""
+PosesOf = Callable[[str], ReceiverPoses]
+"""Function from a segment to its poses."""
+Links = Sequence[tuple[str, str]]
+"""Parent and child of each joint between two segments."""
 OPEN_MM, OPEN_SHARE = 4.0, 0.12
 """Smallest gap of an open joint, in mm and as a share of its receivers' distance; both must be exceeded."""
 CLOSED = 0.35
@@ -222,9 +226,7 @@ class Exchange:
     frame: int
 
 
-def exchanges(
-    segments: Sequence[str], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
-) -> list[Exchange]:
+def exchanges(segments: Sequence[str], poses: PosesOf, links: Links) -> list[Exchange]:
     """Find pairs of receivers that exchange their names within a recording, from one pose to the next.
 
     Of the two assignments the correct one is that in which the joints close better over the whole recording;
@@ -284,26 +286,19 @@ def _changes_of_places(first: _Steps, second: _Steps) -> Integers:
         _, i, j = np.intersect1d(*frames, assume_unique=True, return_indices=True)
         (before, after), (before_2, after_2) = (first[1][i], first[2][i]), (second[1][j], second[2][j])
         starts, ends = np.stack([before, before_2]), np.stack([after, after_2])
-        own_mm, crossed_mm = (
-            np.linalg.norm(starts[..., :3] - there[..., :3], axis=-1).sum(0) for there in (ends, ends[::-1])
-        )
+        apart_mm = [(starts - there)[..., :3] for there in (ends, ends[::-1])]
+        own_mm, crossed_mm = (np.linalg.norm(apart, axis=-1).sum(0) for apart in apart_mm)
         near = np.flatnonzero(crossed_mm < EXCHANGED * own_mm)
         if not len(near):
             continue
-        turned_deg = [
-            _turned_and_apart(*pair)[1] for pair in zip(starts[:, near], ends[::-1, near], strict=True)
-        ]
+        pairs = zip(starts[:, near], ends[::-1, near], strict=True)
+        turned_deg = [_turned_and_apart(*pair)[1] for pair in pairs]
         changed = near[np.max(turned_deg, axis=0) < EXCHANGE_DEG]
         moments.append(np.minimum(first[0][i, 1], second[0][j, 1])[changed])
     return np.unique(np.concatenate(moments))
 
 
-def _wider(
-    pair: tuple[str, str],
-    moments: Integers,
-    poses: Callable[[str], ReceiverPoses],
-    links: Sequence[tuple[str, str]],
-) -> float:
+def _wider(pair: tuple[str, str], moments: Integers, poses: PosesOf, links: Links) -> float:
     """Return the log ratio of joint gaps, or else of receivers' distances, of assignment 1 to assignment 0.
 
     Assignment 0 keeps the names until the first exchange, assignment 1 swaps them there.
@@ -317,9 +312,7 @@ def _wider(
     return float(ratios[0] if abs(ratios[0]) > TELLING else ratios[1])
 
 
-def _named(
-    name: str, pair: Sequence[str], poses: Callable[[str], ReceiverPoses], moments: Integers, way: int
-) -> ReceiverPoses:
+def _named(name: str, pair: Sequence[str], poses: PosesOf, moments: Integers, way: int) -> ReceiverPoses:
     """Return a receiver's poses under assignment `way` of an exchanged pair, see `_wider`."""
     if name not in pair:
         return poses(name)
@@ -363,9 +356,7 @@ class Break:
     grown: float
 
 
-def breaks(
-    segments: Sequence[str], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
-) -> list[Break]:
+def breaks(segments: Sequence[str], poses: PosesOf, links: Links) -> list[Break]:
     """Find all breaks of a recording.
 
     Parameters

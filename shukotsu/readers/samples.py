@@ -9,10 +9,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, count_of, nearest, shorten
 from shukotsu.study.layout import Layout
+
+Locate = Callable[[int], str]
+"""Function from a sample or a row to its file and line, for messages."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class Samples:
     numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame), NaN if
     missing; quaternions are not necessarily unit.
     locate : function from a sample to its file and line, for messages.
-    flags : flags that the reader sets on single samples, flag (a key of poses_table.FLAGS) -> (N,) bool.
+    flags : flags that the reader sets on single samples, flag (a key of segment_rows.FLAGS) -> (N,) bool.
     notes : remarks on the whole recording, a sentence each; for stderr and the table's metadata.
     losses : those notes that a study reports as findings: data that are lost, damaged or doubtful.
     missing_frames : number of frames that the recording should contain but does not.
@@ -35,12 +38,12 @@ class Samples:
     """
 
     segments: tuple[str, ...]
-    segment: npt.NDArray[np.int64]
-    frame: npt.NDArray[np.int64]
-    time_s: npt.NDArray[np.float64]
-    numbers: npt.NDArray[np.float64]
-    locate: Callable[[int], str]
-    flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    segment: Integers
+    frame: Integers
+    time_s: Array
+    numbers: Array
+    locate: Locate
+    flags: Mapping[str, Bools] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
     missing_frames: int = 0
@@ -67,28 +70,20 @@ def join_samples(parts: Iterable[Samples]) -> Samples:
         part = bisect.bisect_right(starts, sample) - 1
         return every[part].locate(sample - starts[part])
 
-    every_flag = {flag for part in every for flag in part.flags}
-    arrays: Any = {name: np.concatenate([getattr(part, name) for part in every]) for name in _ARRAYS}
-    return Samples(
-        every[0].segments,
-        **arrays,
-        locate=locate,
-        flags={
-            flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
-            for flag in sorted(every_flag)
-        },
-        notes=tuple(note for part in every for note in part.notes),
-        losses=tuple(loss for part in every for loss in part.losses),
-        missing_frames=sum(part.missing_frames for part in every),
-        tracker=next((part.tracker for part in every if part.tracker), ""),
-        orientation=next((part.orientation for part in every if part.orientation), ""),
-        clusters=tuple(cluster for part in every for cluster in part.clusters),
-    )
+    joined: Any = {name: np.concatenate([getattr(part, name) for part in every]) for name in _ARRAYS}
+    joined["flags"] = {
+        flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
+        for flag in sorted({flag for part in every for flag in part.flags})
+    }
+    for name in ("notes", "losses", "clusters"):
+        joined[name] = tuple(itertools.chain.from_iterable(getattr(part, name) for part in every))
+    for name in ("tracker", "orientation"):
+        joined[name] = next(filter(None, (getattr(part, name) for part in every)), "")
+    missing_frames = sum(part.missing_frames for part in every)
+    return Samples(every[0].segments, **joined, locate=locate, missing_frames=missing_frames)
 
 
-def unwrapped_frames(
-    frames: Sequence[npt.NDArray[np.int64]], times_s: Sequence[npt.NDArray[np.float64]]
-) -> tuple[list[npt.NDArray[np.int64]], str]:
+def unwrapped_frames(frames: Sequence[Integers], times_s: Sequence[Array]) -> tuple[list[Integers], str]:
     """Unwrap frame numbers of a counter of 8, 16 or 32 bits that overflowed; return them and a note.
 
     If the step at a supposed overflow differs from the other steps, so that it may be something else, the
@@ -120,9 +115,7 @@ def unwrapped_frames(
     return out, f"the frame counter restarts after {size - 1}, {times}; frame numbers are continued"
 
 
-def segments_of_names(
-    codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, locate: Callable[[int], str]
-) -> npt.NDArray[np.int64]:
+def segments_of_names(codes: Integers, names: Sequence[str], layout: Layout, locate: Locate) -> Integers:
     """Return the index into `layout.measured` of each sample, (N,), from the recording's segment names.
 
     codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
@@ -139,9 +132,7 @@ def segments_of_names(
     return segment
 
 
-def segments_of_stations(
-    stations: npt.NDArray[np.int64], layout: Layout, locate: Callable[[int], str]
-) -> npt.NDArray[np.int64]:
+def segments_of_stations(stations: Integers, layout: Layout, locate: Locate) -> Integers:
     """Return the index into `layout.measured` of each sample, (N,), from the tracker's station numbers.
 
     Raises InputError at the first sample of a station that is not in the layout.

@@ -59,7 +59,7 @@ FORMATS = {
     "parquet": FileFormat(
         (".parquet", ".pq"),
         "tidy.read_parquet",
-        inspector="text_tables.describe_parquet",
+        inspector="tidy_files.describe_parquet",
         takes_study_mapping=False,
     ),
     "capture": FileFormat(

@@ -40,6 +40,7 @@ KINDS = {
     END: "JSON: the recording was ended, and how",
 }
 
+_OF_ROW = "CRC-32 of row, host_ns, utc_offset_ns, kind and crc32, eight bytes each, the lowest first"
 COLUMNS = (
     ("host_ns", pa.int64(), "ns", "the host's monotonic clock when the bytes had come or were sent"),
     ("utc_offset_ns", pa.int64(), "ns", "the host's UTC minus its monotonic clock, about then"),
@@ -47,12 +48,7 @@ COLUMNS = (
     ("data", pa.binary(), "", "the bytes, or JSON in UTF-8"),
     ("crc32", pa.uint32(), "", "CRC-32 of data"),
     ("row", pa.int64(), "", "the row's number in the recording, from 0"),
-    (
-        "row_crc32",
-        pa.uint32(),
-        "",
-        "CRC-32 of row, host_ns, utc_offset_ns, kind and crc32, eight bytes each, the lowest first",
-    ),
+    ("row_crc32", pa.uint32(), "", _OF_ROW),
 )
 _SCHEMA = pa.schema(
     [pa.field(name, kind, False, {"unit": unit, "description": text}) for name, kind, unit, text in COLUMNS]

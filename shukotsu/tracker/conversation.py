@@ -290,9 +290,8 @@ class TrackerDriver:
                 identity, heard = attempt()
             if identity is not None:
                 if baud is not None:
-                    self.warnings.append(
-                        f"it answered at {baud} baud and not at {first_baud}; {baud} is used"
-                    )
+                    warning = f"it answered at {baud} baud and not at {first_baud}; {baud} is used"
+                    self.warnings.append(warning)
                 return identity
             heard_at_first = heard_at_first or heard
         title = FAMILIES[self._request.family].title

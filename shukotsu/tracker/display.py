@@ -180,13 +180,11 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
     lists = {"with this list": list_of_all(settings.items)} if settings.items else {}
     if lists and record_type(SHORT_LIST).itemsize < record_type(lists["with this list"]).itemsize:
         lists["with --items short"] = SHORT_LIST
-    fits = []
+    fits, rates_hz = [], FAMILIES[settings.family].rates_hz
     for how, items in lists.items():
-        choices = [
-            f"{count_of(count, 'receiver')} at {rate_hz} Hz"
-            for rate_hz in FAMILIES[settings.family].rates_hz
-            if (count := int(baud / BITS_PER_BYTE // (record_type(items).itemsize * rate_hz)))
-        ]
+        record_bytes = record_type(items).itemsize
+        counts = {hz: int(baud / BITS_PER_BYTE // (record_bytes * hz)) for hz in rates_hz}
+        choices = [f"{count_of(count, 'receiver')} at {hz} Hz" for hz, count in counts.items() if count]
         fits += [f"{' or '.join(choices)} {how}"] if choices else []
     return f"what fits is {', '.join(fits)}" if fits else "not one receiver fits"
 

@@ -68,46 +68,6 @@ def built_in_motion() -> PlayedMotion:
     return PlayedMotion(tuple(range(1, MAX_STATION + 1)), poses, loop=True)
 
 
-def recorded_motion(
-    frame: Integers, station: Integers, poses: Array, *, loop: bool, notes: Sequence[str]
-) -> PlayedMotion:
-    """Return recorded poses as motion to play.
-
-    Frame numbers are divided by their median step and counted from the first; missing numbers stay gaps.
-
-    Parameters
-    ----------
-    frame, station : arrays, shape (N,)
-        Frame and station of each pose. Poses of station 0 are not played, but their frames count.
-    poses : array, shape (N, 7)
-        Positions in mm and quaternions in the transmitter's frame.
-    loop : bool
-        Whether to start again after the last frame.
-    notes : sequence of str
-        Notes to which those on the frame numbers are added.
-
-    Returns
-    -------
-    PlayedMotion
-        The motion.
-
-    """
-    numbers, rows = np.unique(frame, return_inverse=True)
-    remark: list[str] = []
-    if len(numbers) > 1:
-        step = max(1, int(np.median(np.diff(numbers))))
-        counted = np.rint((numbers - numbers[0]) / step).astype(np.int64)
-        if counted[-1] >= 10 * len(numbers) or (np.diff(counted) == 0).any():
-            remark = ["its frame numbers do not count frames; its frames are played one after another"]
-        else:
-            rows = counted[rows]
-    played = station > 0
-    stations = sorted(set(station[played].tolist()))
-    motion = np.full((int(rows.max()) + 1, len(stations), 7), np.nan)
-    motion[rows[played], np.searchsorted(stations, station[played])] = poses[played]
-    return PlayedMotion(tuple(stations), motion, loop, (*remark, *notes))
-
-
 WRAP, BLOCK_CYCLES = 1 << 32, 120
 RATES_HZ = {3: 120, 4: 240}
 """Argument of the rate command -> frames per second."""
@@ -205,9 +165,8 @@ class EmulatedLiberty:
             numbers = self._numbers(station, passed, np.nan_to_num(poses))
             encoded = self._binary if self._is_binary else self._text
             records.append((sent, encoded(station, numbers, command)))
-        return [
-            b"".join(data[cycle] for there, data in records if there[cycle]) for cycle in range(len(cycles))
-        ]
+        rows = range(len(cycles))
+        return [b"".join(data[row] for there, data in records if there[row]) for row in rows]
 
     def _numbers(self, station: int, passed: Integers, poses: Array) -> dict[str, Array | Integers]:
         """Return the numbers of a station's records, field name -> (T,); poses : (T, 7)."""
@@ -376,10 +335,9 @@ def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
     return b""
 
 
+_UNALIGNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 SETTINGS = {
-    b"A": DeviceSetting(
-        (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "%7.2f%7.2f%7.2f\r\n", per_station=True
-    ),
+    b"A": DeviceSetting(_UNALIGNED, "%7.2f%7.2f%7.2f\r\n", per_station=True),
     b"B": DeviceSetting((0.0, 0.0, 0.0), "%7.2f ", per_station=True),
     b"F": DeviceSetting((0,), allowed=_FLAG),
     b"G": DeviceSetting((0.0, 0.0, 0.0), "%8.3f "),

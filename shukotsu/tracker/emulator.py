@@ -212,16 +212,9 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
     vector, items = home_hemisphere(device.motion), ",".join(map(str, FULL_LIST))
     begin = b"F1\rU1\rO*,%s\rH*,%g,%g,%g\rQ0\rC\r" % (items.encode(), *vector)
-    settings = StreamSettings(
-        device.family,
-        "binary",
-        "cm",
-        float(device.rate),
-        device.active(),
-        dict.fromkeys(device.stations, FULL_LIST),
-        dict.fromkeys(device.stations, vector),
-        {"whoami": device.whoami},
-    )
+    by_station = dict.fromkeys(device.stations, FULL_LIST), dict.fromkeys(device.stations, vector)
+    of_stream = float(device.rate), device.active(), *by_station, {"whoami": device.whoami}
+    settings = StreamSettings(device.family, "binary", "cm", *of_stream)
     archive.settings(settings.to_json(), BEGINNING_NS)
     archive.sent(begin, BEGINNING_NS)
     emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # its bytes wait until a piece below takes them

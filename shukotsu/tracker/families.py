@@ -48,18 +48,12 @@ def _on_usb(name: str, product: int) -> dict[tuple[int, int], UsbTracker]:
     }
 
 
+_VIPER = {(POLHEMUS, 0xBF01): UsbTracker("VIPER", READY), (POLHEMUS, 0xCF01): UsbTracker("G4", NOT_READ)}
+_FEWER = "--stations, --items short"
 FAMILIES = {
-    "liberty": Family(
-        "LIBERTY", (240, 120), 16, "--stations, --items short, --rate 120", _on_usb("LIBERTY", 0xFF00)
-    ),
-    "patriot": Family("PATRIOT", (60,), 2, "--stations, --items short", _on_usb("PATRIOT", 0xEF00)),
-    "viper": Family(
-        "VIPER",
-        (240, 120),
-        16,
-        "--rate 120",
-        {(POLHEMUS, 0xBF01): UsbTracker("VIPER", READY), (POLHEMUS, 0xCF01): UsbTracker("G4", NOT_READ)},
-    ),
+    "liberty": Family("LIBERTY", (240, 120), 16, f"{_FEWER}, --rate 120", _on_usb("LIBERTY", 0xFF00)),
+    "patriot": Family("PATRIOT", (60,), 2, _FEWER, _on_usb("PATRIOT", 0xEF00)),
+    "viper": Family("VIPER", (240, 120), 16, "--rate 120", _VIPER),
 }
 
 USB_TRACKERS = {device: tracker for family in FAMILIES.values() for device, tracker in family.usb.items()}

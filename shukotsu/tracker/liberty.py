@@ -20,15 +20,7 @@ import numpy as np
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.tracker import records as protocol
-from shukotsu.tracker.records import (
-    MM_PER_UNIT,
-    Bytes,
-    Decoded,
-    Records,
-    Reply,
-    StreamSettings,
-    doubtful_poses,
-)
+from shukotsu.tracker.records import Bytes, Decoded, Records, Reply, StreamSettings
 
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""
@@ -69,22 +61,18 @@ SHORT_LIST = (9, 2, 7)
 Value = int | tuple[int, ...] | tuple[float, ...]
 HALVES = "<u2"
 
-ERRORS = dict(
-    enumerate(
-        (
-            *("invalid command", "invalid station", "invalid parameter", "too few parameters"),
-            *("too many parameters", "parameter below its limit", "parameter above its limit"),
-            "no communication with the sensor processor board",
-            *(f"sensor processor {number} did not start" for number in range(1, 5)),
-            *("no sensor processor found", "source processor failed", "memory failed"),
-            *("too many characters in a command", "not in this mode"),
-            "source PROM cannot be read; defaults are used",
-            *("read only", "a message, not an error", "map cannot be loaded", "sensors out of step"),
-            *("firmware versions do not match", "firmware is outdated"),
-        ),
-        1,
-    )
+_ERRORS = (
+    *("invalid command", "invalid station", "invalid parameter", "too few parameters"),
+    *("too many parameters", "parameter below its limit", "parameter above its limit"),
+    "no communication with the sensor processor board",
+    *(f"sensor processor {number} did not start" for number in range(1, 5)),
+    *("no sensor processor found", "source processor failed", "memory failed"),
+    *("too many characters in a command", "not in this mode"),
+    "source PROM cannot be read; defaults are used",
+    *("read only", "a message, not an error", "map cannot be loaded", "sensors out of step"),
+    *("firmware versions do not match", "firmware is outdated"),
 )
+ERRORS = dict(enumerate(_ERRORS, 1))
 """Error code of an answer -> its meaning."""
 
 
@@ -207,7 +195,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
     def __init__(self, settings: StreamSettings) -> None:
         super().__init__()
         self._kind = record_type(list_of_all(settings.items))
-        self._mm_per_unit = MM_PER_UNIT[settings.unit]
+        self._mm_per_unit = protocol.MM_PER_UNIT[settings.unit]
         self._tag = TAGS[settings.family]
         self._is_station = np.isin(np.arange(256), list(settings.items))
         self._trusted = False  # whether the kept bytes begin right after a good record
@@ -255,7 +243,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
             for column, axis in enumerate("xyz"):
                 np.multiply(rows[axis], self._mm_per_unit, out=records.position_mm[:, column], dtype=float)
             records.quaternion[:] = np.stack([rows[f"q{part}"] for part in "wxyz"], -1, dtype=float)
-            records.doubtful[:] = doubtful_poses(records)
+            records.doubtful[:] = protocol.doubtful_poses(records)
         for name, most in _MOST.items():
             if name in (self._kind.names or ()):
                 values = getattr(records, name)

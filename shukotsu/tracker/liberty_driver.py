@@ -89,16 +89,10 @@ class LibertyDriver(TrackerDriver):
         self._compare(after, wanted, stations)
         self._warn_of(after, stations)
         request, every = self._request, range(1, self._ports + 1)  # receivers may be plugged in later
-        return StreamSettings(
-            request.family,
-            "binary",
-            "cm",
-            float(request.rate_hz),
-            stations,
-            dict.fromkeys(every, request.items),
-            dict.fromkeys(every, request.hemisphere),
-            {"whoami": whoami, "before": before, "after": after, "warnings": self.warnings},
-        )
+        items, hemisphere = dict.fromkeys(every, request.items), dict.fromkeys(every, request.hemisphere)
+        options = {"whoami": whoami, "before": before, "after": after, "warnings": self.warnings}
+        of_stream = float(request.rate_hz), stations, items, hemisphere, options
+        return StreamSettings(request.family, "binary", "cm", *of_stream)
 
     def start(self) -> None:
         """Reset the counters and start streaming."""
@@ -143,10 +137,10 @@ class LibertyDriver(TrackerDriver):
     def _ask_all(self) -> State:
         every, state = range(1, self._ports + 1), State()
         for name, setting in SETTINGS.items():
-            by_station = {
-                str(station): self._ask(setting, station) for station in every if setting.per_station
-            }
-            state[name] = by_station or self._ask(setting)
+            if setting.per_station:
+                state[name] = {str(station): self._ask(setting, station) for station in every}
+            else:
+                state[name] = self._ask(setting)
         return state
 
     def _ask(self, setting: Setting, station: int = 0) -> Value | None:
@@ -156,10 +150,8 @@ class LibertyDriver(TrackerDriver):
             for reply in replies.binary_answers(data, [TAGS[self._request.family]]):
                 if reply.error in ERRORS and reply.command not in b"PC":
                     return (None,)
-                if (
-                    replies.answers(reply, setting, station)
-                    and (value := replies.binary_value(setting, reply)) is not None
-                ):
+                value = replies.binary_value(setting, reply)
+                if replies.answers(reply, setting, station) and value is not None:
                     return (value,)
             return None
 

@@ -56,22 +56,17 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
     try:
         if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
             raise TypeError("a name is not text")
-        settings = StreamSettings(
-            loaded["family"],
-            loaded["mode"],
-            loaded["unit"],
-            float(loaded["rate_hz"]),
-            tuple(int(station) for station in loaded["stations"]),
-            {int(s): tuple(int(i) for i in items) for s, items in loaded["items"].items()},
-            {int(s): (float(v[0]), float(v[1]), float(v[2])) for s, v in loaded["hemisphere"].items()},
-            dict(loaded.get("options", {})),
-        )
+        named = loaded["family"], loaded["mode"], loaded["unit"]
+        rate_hz, active = float(loaded["rate_hz"]), tuple(int(station) for station in loaded["stations"])
+        lists = {int(s): tuple(int(i) for i in items) for s, items in loaded["items"].items()}
+        vectors = {int(s): (float(v[0]), float(v[1]), float(v[2])) for s, v in loaded["hemisphere"].items()}
+        settings = StreamSettings(*named, rate_hz, active, lists, vectors, dict(loaded.get("options", {})))
         stations = {*settings.stations, *settings.items, *settings.hemisphere}
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{where}: the tracker's settings in it are damaged; copy it again") from error
     check_family(settings.family, where)
-    vectors = [number for vector in settings.hemisphere.values() for number in vector]
-    if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
+    numbers = [number for vector in vectors.values() for number in vector]
+    if not stations <= STATIONS or not all(map(math.isfinite, numbers)):
         raise InputError(
             f"{where}: the tracker's settings in it name impossible stations or hemispheres; copy it again"
         )

@@ -144,9 +144,8 @@ class _Session:
             if abs(clock_s) > CLOCK_JUMP_S:  # the clock was set
                 self._offset_ns += round(clock_s * 1e9)
                 self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=clock_s)
-                self._notice(
-                    f"the host's clock was set by {clock_s:+.1f} s; times of frames are not affected"
-                )
+                jump = f"the host's clock was set by {clock_s:+.1f} s"
+                self._notice(f"{jump}; times of frames are not affected")
             now = time.perf_counter()
             if now >= flush_at:
                 flush_at = now + FLUSH_S
@@ -260,10 +259,8 @@ class _Session:
         self._guarded(lambda: self._count(final=True))
         totals = self._statistics.totals(end_ns)
         self._notices += display.advice(totals, self._settings)
-        if self._dropped_bytes:
-            self._notices.append(
-                f"{self._dropped_bytes} bytes arrived faster than they could be stored; lost"
-            )
+        if dropped := self._dropped_bytes:
+            self._notices.append(f"{dropped} bytes arrived faster than they could be stored; lost")
         reason = self._failure or self._stop.reason
         ending = {"reason": reason, "notices": self._notices, **totals}
         try:

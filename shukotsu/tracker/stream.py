@@ -14,24 +14,16 @@ import numpy as np
 
 from shukotsu.arrays import Bools, Integers
 from shukotsu.errors import InputError
+from shukotsu.tracker import records as protocol
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from shukotsu.tracker.liberty import BinaryDecoder
-from shukotsu.tracker.records import (
-    NONE,
-    PiecewiseDecoder,
-    Records,
-    Skipped,
-    StreamSettings,
-    concatenate_records,
-    empty_records,
-    settings_from_json,
-)
+from shukotsu.tracker.records import Records, StreamSettings
 from shukotsu.tracker.viper_decoder import ViperDecoder
 
 LONGEST_GAP_S = 86_400.0
 """Largest jump of a counter or clock; a larger one means that it was reset."""
 BLOCK_BYTES = 4 << 20
-DECODERS: Mapping[str, Callable[[StreamSettings], PiecewiseDecoder]]
+DECODERS: Mapping[str, Callable[[StreamSettings], protocol.PiecewiseDecoder]]
 DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": lambda _: ViperDecoder()}
 
 
@@ -48,7 +40,7 @@ class RecordBlock:
     records: Records
     host_ns: Integers
     out_of_order: Bools
-    skipped: tuple[Skipped, ...]
+    skipped: tuple[protocol.Skipped, ...]
 
     @property
     def good(self) -> Bools:
@@ -101,7 +93,7 @@ class PieceReader:
                     raise InputError(
                         f"{self.path}: contains the tracker's settings twice; expected one recording"
                     )
-                self.decoder = ChunkDecoder(settings_from_json(self._entry(data), str(self.path)))
+                self.decoder = ChunkDecoder(protocol.settings_from_json(self._entry(data), str(self.path)))
                 tally.started_ns = host_ns
             elif kind == EVENT:
                 event = self._entry(data).get("event")
@@ -186,13 +178,13 @@ class Counter:
         self._settings = settings
         self._rank = {station: rank for rank, station in enumerate(settings.stations)}
         self._limit = int(LONGEST_GAP_S * settings.rate_hz)
-        self._held = empty_records()
+        self._held = protocol.empty_records()
         self._held_host_ns = np.empty(0, np.int64)
         self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good record
 
     def number(self, records: Records, host_ns: Integers, *, final: bool) -> tuple[Records, Integers, Bools]:
         """Return the records that can be numbered, their arrival times, and which contradict neighbours."""
-        records = concatenate_records([self._held, records])
+        records = protocol.concatenate_records([self._held, records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
         odd = np.zeros(len(records), bool)
         count = len(records) if final else max(0, len(records) - 2)
@@ -206,7 +198,7 @@ class Counter:
         count : number of records, from the first, that can be decided.
         """
         counter = records.frame & 0xFFFFFFFF
-        if not (records.frame != NONE).any():
+        if not (records.frame != protocol.NONE).any():
             # The clock is floor(frame * 1000 / rate) in ms, so the frame is found by rounding up.
             ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
             counter = ticks.astype(np.int64) & 0xFFFFFFFF
@@ -242,10 +234,8 @@ class Counter:
                 before = first - 1
             second_fits = before < 0 or self._follows(counter, station, before, first + 1)
             first_fits = first + 1 == end or self._follows(counter, station, first, first + 2)
-            first_is_right = first < earlier or (
-                first_fits and self._was_due(counter, station, before, first)
-            )
-            if second_fits and not first_is_right:
+            was_due = first_fits and self._was_due(counter, station, before, first)
+            if second_fits and first >= earlier and not was_due:
                 wrong[first] = True
             elif first_fits:
                 wrong[first + 1], before = True, first

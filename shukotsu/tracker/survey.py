@@ -281,18 +281,13 @@ def _damage(survey: Survey) -> Iterator[str]:
             f"{count_of(int(sizes.sum()), 'byte', 'are')} not part of a record and left out, at "
             f"{count_of(len(sizes), 'place')} ({_places(survey, frames)})"
         )
-    for sightings, what in (
-        (survey.doubtful, "have impossible numbers"),
-        (survey.out_of_order, "have a frame or receiver that does not fit their neighbours"),
-    ):
-        if sightings.records.total():
-            yield f"{sightings.records.total()} records {what} ({_seen_text(survey, sightings)}); not used"
-
-    for letter, sightings in survey.errors.items():
-        yield (
-            f"the tracker reported error {letter!r} with {sightings.records.total()} records "
-            f"({_seen_text(survey, sightings)})"
-        )
+    misfit = "have a frame or receiver that does not fit their neighbours"
+    for seen, what in ((survey.doubtful, "have impossible numbers"), (survey.out_of_order, misfit)):
+        if seen.records.total():
+            yield f"{seen.records.total()} records {what} ({_seen_text(survey, seen)}); not used"
+    for letter, seen in survey.errors.items():
+        count, where = seen.records.total(), _seen_text(survey, seen)
+        yield f"the tracker reported error {letter!r} with {count} records ({where})"
     metal = survey.distorted
     if metal.records.total():
         worst, count = metal.records.most_common(1)[0]

@@ -123,12 +123,7 @@ def _same(key: Key, read: bytes, sent: bytes) -> bool:
 
 
 def _name(key: Key) -> str:
-    names = {
-        HEMISPHERE: "hemisphere",
-        FILTER: "filter of positions" if key[2] == POSITION else "filter of orientations",
-        RATE: "rate",
-        UNITS: "units",
-        STATION_MAP: "sensors",
-        STYLUS: "stylus mode",
-    }
+    filtered = f"filter of {'positions' if key[2] == POSITION else 'orientations'}"
+    names = {HEMISPHERE: "hemisphere", FILTER: filtered, RATE: "rate", UNITS: "units"}
+    names |= {STATION_MAP: "sensors", STYLUS: "stylus mode"}
     return names[key[0]] + ("" if key[1] == ANY else f" of sensor {key[1] + 1}")

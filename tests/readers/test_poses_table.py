@@ -208,7 +208,7 @@ def test_a_recording_in_parts_gives_the_same_table(
     pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
     monkeypatch.setattr("shukotsu.readers.poses_table.FROZEN_FRAMES", 2)
     whole = table_of(samples)
-    monkeypatch.setattr("shukotsu.readers.poses_table.MEMORY_BYTES", 3)
+    monkeypatch.setattr("shukotsu.readers.segment_rows.MEMORY_BYTES", 3)
     with closing(poses_table(pieces, PARENTS, tmp_path)) as table:
         assert list(tmp_path.iterdir()) == []
         write(tmp_path / "parts.parquet", table, seed + 1)

@@ -15,13 +15,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, count_of, list_names, nearest
 from shukotsu.hand.rotations import from_matrix, nearest_rotation
-from shukotsu.readers.formats.mapped import (
-    Track,
-    mapped_segments,
-    proper_rotations,
-    samples_of_tracks,
-    without_marks,
-)
+from shukotsu.readers.formats import mapped
 from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
@@ -66,7 +60,7 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping) -> Samples:
     Frames keep the file's numbers; time is 0 at the first stored frame. Raises InputError if the file is
     not a C3D file, states another unit than the mapping, or lacks a label that the mapping names.
     """
-    mapped_segments(mapping, layout)
+    mapped.segments_of(mapping, layout)
     file = open_c3d(path)
     mapped_unit = mapping.config["position_unit"]
     if file.unit and file.unit != mapped_unit:
@@ -90,11 +84,14 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping) -> Samples:
         else:
             poses, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
             odd = np.zeros(len(window), bool)
-        tracks.append(Track(window, file.first_frame + window, window / rate_hz, poses, {"misfit": odd}))
+        frame, time_s = file.first_frame + window, window / rate_hz
+        tracks.append(mapped.Track(window, frame, time_s, poses, {"misfit": odd}))
         notes += [note] if note else []
-    samples = samples_of_tracks(
-        tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes, file.doubts
-    )
+
+    def locate(index: int) -> str:
+        return f"{path}: frame {file.first_frame + index}"
+
+    samples = mapped.samples_of_tracks(tracks, mapping, layout, locate, notes, file.doubts)
     return replace(samples, clusters=tuple(clusters))
 
 
@@ -309,9 +306,8 @@ def _check_parameters(path: Path, records: bytes, size: int) -> None:
     while at + 2 < len(records) and records[at]:
         length, group = (abs(n) for n in struct.unpack_from("bb", records, at))
         name, way = records[at + 2 : at + 2 + length], at + 2 + length
-        value_bytes, n_dimensions, *rest = struct.unpack(
-            "b255B", records[way + 2 : way + 258].ljust(256, b"\0")
-        )
+        follows = records[way + 2 : way + 258].ljust(256, b"\0")
+        value_bytes, n_dimensions, *rest = struct.unpack("b255B", follows)
         if records[at + 1] < 128 and abs(value_bytes) * math.prod(n or 1 for n in rest[:n_dimensions]) > size:
             raise InputError(
                 f"{path}: not a readable C3D file (parameter {name.decode(errors='replace')} of group "
@@ -366,23 +362,15 @@ def open_c3d(path: Path) -> C3dFile:
     taken = f"{count_of(at_zero, 'point')} at 0, 0, 0 {'is' if at_zero == 1 else 'are'} treated as not seen"
     doubts = [taken] if at_zero else []
     if more_bytes > _BLOCK and not rotations.size:
-        doubts += [
-            f"{count_of(len(points), 'frame', 'are')} read, but more data follow in the file; check that no "
-            f"frame is missing"
-        ]
+        read = f"{count_of(len(points), 'frame', 'are')} read"
+        doubts.append(f"{read}, but more data follow in the file; check that no frame is missing")
     unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()
-    rate = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
-    return C3dFile(
-        path,
-        without_marks(np.where(zeros[..., None], np.nan, points)),
-        _labels(parameters.get("POINT", {})),
-        rotations,
-        _labels(parameters.get("ROTATION", {})),
-        UNIT_NAMES.get(unit.lower(), unit),
-        rate if RATES_HZ[0] <= rate <= RATES_HZ[1] else float("nan"),
-        first,
-        tuple(doubts),
-    )
+    unit = UNIT_NAMES.get(unit.lower(), unit)
+    rate_hz = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
+    rate_hz = rate_hz if RATES_HZ[0] <= rate_hz <= RATES_HZ[1] else float("nan")
+    points = mapped.without_marks(np.where(zeros[..., None], np.nan, points))
+    labels, of_rotations = (_labels(parameters.get(group, {})) for group in ("POINT", "ROTATION"))
+    return C3dFile(path, points, labels, rotations, of_rotations, unit, rate_hz, first, tuple(doubts))
 
 
 def _labels(group: Any) -> tuple[str, ...]:
@@ -418,14 +406,9 @@ def _of_cluster(
         return poses, odd, note, []
     groups = rigid_groups(points_mm)
     rigid = [f"[{', '.join(markers[index] for index in group)}]" for group in groups]
-    loose = {
-        "segment": segment,
-        "count": int(odd.sum()),
-        "percent": 100 * odd.sum() / np.isfinite(misfit).sum(),
-        "groups": rigid,
-        "whole": [*map(len, groups)] == [len(markers)],
-    }
-    return poses, odd, note, [loose]
+    counts = {"count": int(odd.sum()), "percent": 100 * odd.sum() / np.isfinite(misfit).sum()}
+    whole = [*map(len, groups)] == [len(markers)]
+    return poses, odd, note, [{"segment": segment, **counts, "groups": rigid, "whole": whole}]
 
 
 def _of_rotation(
@@ -444,10 +427,11 @@ def _of_rotation(
             f"{count_of(file.frames, 'frame')}; expected a multiple of the number of frames"
         )
     matrices = file.matrices[window * ratio, column]
-    rotation = proper_rotations(
-        matrices[:, :3, :3],
-        lambda index: f"{file.path}: frame {file.first_frame + window[index]}, rotation {label}",
-    )
+
+    def locate(index: int) -> str:
+        return f"{file.path}: frame {file.first_frame + window[index]}, rotation {label}"
+
+    rotation = mapped.proper_rotations(matrices[:, :3, :3], locate)
     poses = np.concatenate([matrices[:, :3, 3] * mapping.mm_per_unit, from_matrix(rotation)], -1)
     note = f"rotation {label}: {ratio} samples a frame, the first of them is used" if ratio > 1 else ""
     return poses, note

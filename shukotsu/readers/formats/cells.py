@@ -9,10 +9,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, count_of, shorten
 from shukotsu.tables.limits import SECONDS_PER_UNIT
 from shukotsu.tables.text_files import NO_VALUE
@@ -75,16 +75,16 @@ class Cells:
                 self._missing += [float(text.replace(",", "."))] if "_" not in text else []
         self.names: list[str] = table.column_names
         self._columns = dict(zip(table.column_names, table.columns, strict=True))
-        self._reals: dict[str, npt.NDArray[np.float64]] = {}
+        self._reals: dict[str, Array] = {}
 
-    def reals(self, name: str, expected: str = "a number") -> npt.NDArray[np.float64]:
+    def reals(self, name: str, expected: str = "a number") -> Array:
         """Return a column's numbers, shape (N,), NaN for empty cells. expected : for the error message."""
         if name not in self._reals:
             numbers = np.asarray(self._numbers(name, expected).to_numpy(), float)
             self._reals[name] = np.where(np.isin(numbers, self._missing), np.nan, numbers)
         return self._reals[name]
 
-    def times_s(self, name: str, unit: str) -> npt.NDArray[np.float64]:
+    def times_s(self, name: str, unit: str) -> Array:
         """Return times in s, (N,), NaN if empty: numbers in `unit`, or ISO 8601 dates as s since 1970."""
         column = self._columns[name]
         if self._empty is None or (unit != DATES and _cast(column, pa.float64()) is not None):
@@ -102,7 +102,7 @@ class Cells:
         whole_s = days.cast(pa.int64()).cast(pa.float64()).to_numpy()
         return np.asarray(whole_s + 3600 * (hours - sign * zone_h) + 60 * (minutes - sign * zone_m) + seconds)
 
-    def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
+    def times_of_day_s(self, name: str) -> Array:
         """Return times written as hh:mm:ss (decimals allowed) in s since midnight, (N,), NaN if empty."""
         text = _trim(self._columns[name].cast(pa.string()), self._empty or ())
         parts = pc.extract_regex(text, _TIME_OF_DAY)
@@ -111,7 +111,7 @@ class Cells:
         hours, minutes, seconds = _clock(parts, *"hms")
         return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
-    def wholes(self, name: str) -> npt.NDArray[np.int64]:
+    def wholes(self, name: str) -> Integers:
         """Return whole numbers, shape (N,); 3.0 and 1,001 are accepted, an empty cell is an error."""
         column = self._columns[name]
         exact = None
@@ -132,7 +132,7 @@ class Cells:
         self._refuse_first(~whole, name, "a whole number")
         return reals.astype(np.int64)
 
-    def names_in(self, name: str) -> tuple[npt.NDArray[np.int64], list[str]]:
+    def names_in(self, name: str) -> tuple[Integers, list[str]]:
         """Return a text column as (N,) indices into a list of names; an empty cell is an error."""
         column = self._columns[name]
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
@@ -165,15 +165,14 @@ class Cells:
             text = pc.replace_substring(_trim(text, self._empty), "\N{MINUS SIGN}", "-")
             numbers = _cast(text, pa.float64())
         if numbers is None:
-            row = bisect_left(
-                range(len(text)), True, key=lambda row: _cast(text[: row + 1], pa.float64()) is None
-            )
+            rows = range(len(text))
+            row = bisect_left(rows, True, key=lambda row: _cast(text[: row + 1], pa.float64()) is None)
             if _DECIMAL_COMMA.fullmatch(text[row].as_py()):
                 expected += " with a decimal point, not a comma"
             raise self._refusal(name, row, expected)
         return numbers
 
-    def _refuse_first(self, bad: npt.NDArray[np.bool_], name: str, expected: str) -> None:
+    def _refuse_first(self, bad: Bools, name: str, expected: str) -> None:
         if bad.any():
             raise self._refusal(name, int(np.argmax(bad)), expected)
 
@@ -184,7 +183,7 @@ class Cells:
         return InputError(f"{self.locate(row)}, column {name}: {what}; expected {expected}")
 
 
-def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt.NDArray[np.float64]:
+def unwrapped_s(time_s: Array, start_s: float = np.nan) -> Array:
     """Unwrap times of day (N,) of one clock, in s, so that they continue past midnight.
 
     A step back by more than half a day is a new day. A step forward by nearly a whole day (within a clock's
@@ -203,7 +202,7 @@ def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt
     return out
 
 
-def _clock(parts: pa.ChunkedArray, *groups: str) -> Iterator[npt.NDArray[np.float64]]:
+def _clock(parts: pa.ChunkedArray, *groups: str) -> Iterator[Array]:
     """Yield the named groups of matched texts as numbers, (N,): 0 for an absent group, NaN for no match."""
     for group in groups:
         text = pc.replace_substring(pc.struct_field(parts, group), ",", ".")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.optimize import isotonic_regression
 
 from shukotsu.arrays import Array, Integers
 from shukotsu.errors import count_of
-from shukotsu.readers.formats.mapped import Track
+from shukotsu.readers.formats.mapped import Tracks
 
 _MOST_STEPS = 2.0**30
 """Largest distance of a time from the median, in frame steps: 50 days at 240 Hz, resolved to 1e-6 step."""
@@ -29,7 +29,7 @@ _BLOCKS = 16
 """Number of blocks, from the beginning of the recording, from which the rate is estimated."""
 
 
-def framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[str], list[str]]:
+def framed_by_time(tracks: Tracks) -> tuple[Tracks, list[str], list[str]]:
     """Assign long rows to frames by their times; return the tracks, notes and losses.
 
     If times scatter by less than a frame step, rows with the nearest times form a frame. If they scatter more
@@ -55,9 +55,8 @@ def framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[
         if len(every) and np.abs(order - every).max() > _MOST_MOVED:
             timed[segment], times_s, turns[-1] = timed[segment].take(order), times_s[order], turns[-1][order]
         keys_s.append(times_s)
-    frames, far = _nearest_together(
-        [key_s + 1e-6 * step_s * turn for key_s, turn in zip(keys_s, turns, strict=True)], step_s
-    )
+    distinct_s = [key_s + 1e-6 * step_s * turn for key_s, turn in zip(keys_s, turns, strict=True)]
+    frames, far = _nearest_together(distinct_s, step_s)
     if far > _FEW_FAR:
         frames, doubt = _by_count(keys_s), ""
         if not frames:
@@ -106,9 +105,8 @@ def _by_rate(keys_s: Sequence[Array], near_s: float) -> tuple[list[Integers], st
     doubt = ""
     turns, sharpness = _turns(keys_s, near_s)
     if not sharpness:
-        rate_hz = max(
-            (len(key_s) - 1) / np.ptp(key_s) for key_s in keys_s if len(key_s) > 1 and np.ptp(key_s)
-        )
+        moving_s = [key_s for key_s in keys_s if len(key_s) > 1 and np.ptp(key_s)]
+        rate_hz = max((len(key_s) - 1) / np.ptp(key_s) for key_s in moving_s)
         turns = [key_s * rate_hz for key_s in keys_s]
         doubt = "; with lost rows and so much scatter the number of frames is uncertain"
     frames = []

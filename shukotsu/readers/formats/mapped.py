@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, list_names, nearest
 from shukotsu.hand.rotations import about_axis, conjugate, from_matrix, multiply, nearest_rotation
-from shukotsu.readers.samples import Samples, join_samples, segments_of_names
+from shukotsu.readers.samples import Locate, Samples, join_samples, segments_of_names
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 
@@ -43,6 +43,10 @@ class Track:
         flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
         return Track(row, frame, time_s, self.numbers[samples], flags)
+
+
+Tracks = dict[str, Track]
+"""By segment."""
 
 
 def without_marks(values: Array) -> Array:
@@ -83,7 +87,7 @@ def name_in_file(mapping: FileMapping, segment: str, names: Sequence[str], where
     return name
 
 
-def mapped_segments(mapping: FileMapping, layout: Layout) -> Integers:
+def segments_of(mapping: FileMapping, layout: Layout) -> Integers:
     """Return indices into `layout.measured` of the mapping's receivers, followed by its fixed segments.
 
     Raises InputError if the layout does not have one of them.
@@ -97,7 +101,7 @@ def samples_of_tracks(
     tracks: Sequence[Track],
     mapping: FileMapping,
     layout: Layout,
-    locate: Callable[[int], str],
+    locate: Locate,
     notes: Iterable[str] = (),
     losses: Iterable[str] = (),
 ) -> Samples:
@@ -133,7 +137,7 @@ def samples_of_tracks(
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
-    segments = mapped_segments(mapping, layout)
+    segments = segments_of(mapping, layout)
     if mapping.position_axes != ("x", "y", "z"):
         columns = [*("xyz".index(axis[-1]) for axis in mapping.position_axes), 3, 4, 5, 6]
         signs = [-1.0 if axis.startswith("-") else 1.0 for axis in mapping.position_axes] + [1.0] * 4
@@ -174,7 +178,7 @@ TOLERANCE = 1e-2
 """Largest element of |R^T R - I| that is accepted as rounding of a rotation matrix."""
 
 
-def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable[[int], str]) -> Array:
+def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Locate) -> Array:
     """Convert orientations of any kind to quaternions from the receiver's to the transmitter's frame.
 
     Parameters
@@ -219,7 +223,7 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable
     return conjugate(turned) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(turned)
 
 
-def proper_rotations(matrices: Array, locate: Callable[[int], str]) -> Array:
+def proper_rotations(matrices: Array, locate: Locate) -> Array:
     """Return the nearest rotation to each matrix, shape (N, 3, 3); NaN if a number is missing or infinite.
 
     Raises InputError at the first matrix that is mirrored or deviates by more than TOLERANCE: it is not a

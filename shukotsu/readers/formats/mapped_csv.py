@@ -14,12 +14,7 @@ from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, count_of, nearest
 from shukotsu.readers.formats.cells import Cells, unwrapped_s
 from shukotsu.readers.formats.frames_by_time import framed_by_time
-from shukotsu.readers.formats.mapped import (
-    Track,
-    mapped_segments,
-    quaternions,
-    samples_of_tracks,
-)
+from shukotsu.readers.formats.mapped import Track, Tracks, quaternions, samples_of_tracks, segments_of
 from shukotsu.readers.formats.text_table import TextTable, open_table_text
 from shukotsu.readers.samples import Samples, unwrapped_frames
 from shukotsu.study.layout import Layout
@@ -50,7 +45,7 @@ class _Source:
 
 def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping) -> Samples:
     """Read a table as the mapping's `csv` group describes. Raises InputError if the table does not match."""
-    mapped_segments(mapping, layout)
+    segments_of(mapping, layout)
     table = mapping.details
     text, where = open_table_text(path, table), f"{mapping.where}: csv"
     keys = ("frame", "receiver", "time", "nanoseconds")
@@ -157,15 +152,15 @@ def _track(cells: Cells, source: _Source, rows: Integers, mapping: FileMapping, 
 def _timed(
     cells: Cells,
     sources: Mapping[str, _Source],
-    tracks: Mapping[str, Track],
+    tracks: Tracks,
     mapping: FileMapping,
     nanoseconds: str | None,
-) -> dict[str, Track]:
+) -> Tracks:
     """Return the tracks with their times in s, NaN if unknown; times of day continue past midnight.
 
     nanoseconds : title of the column whose nanoseconds are added to all times, if any.
     """
-    timed, start_s = {}, np.nan
+    timed, start_s = Tracks(), np.nan
     for segment, track in tracks.items():
         time, time_s = sources[segment].time, track.time_s
         if time is not None and (unit := mapping.details["time_unit"]) == TIME_OF_DAY:
@@ -181,12 +176,7 @@ def _timed(
 
 
 def _in_step(
-    tracks: dict[str, Track],
-    frames: Integers | None,
-    long: bool,
-    path: Path,
-    mapping: FileMapping,
-    notes: list[str],
+    tracks: Tracks, frames: Integers | None, long: bool, path: Path, mapping: FileMapping, notes: list[str]
 ) -> tuple[list[Track], list[str]]:
     """Assign rows to frames; return the tracks and a sentence for each loss.
 
@@ -196,9 +186,8 @@ def _in_step(
     losses: list[str] = []
     if frames is not None:
         worn = {segment: track for segment, track in tracks.items() if len(track.row)}
-        counted, note = unwrapped_frames(
-            [frames[track.row] for track in worn.values()], [track.time_s for track in worn.values()]
-        )
+        clocks = [(frames[track.row], track.time_s) for track in worn.values()]
+        counted, note = unwrapped_frames(*zip(*clocks, strict=True))
         notes += filter(None, [note])
         for (segment, track), frame in zip(worn.items(), counted, strict=True):
             tracks[segment] = replace(track, frame=frame)
@@ -230,7 +219,7 @@ def _finite(time_s: Array) -> Array:
     return time_s[np.isfinite(time_s)]
 
 
-def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Track]:
+def _rounds(tracks: Tracks, mapping: FileMapping) -> Tracks:
     """Number the frames of long rows whose station numbers repeat in ascending cycles, one cycle per frame.
 
     A cycle may lack rows. Returns an empty dictionary if the rows do not come in such cycles.
@@ -249,12 +238,12 @@ def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Trac
     return {name: replace(track, frame=frames[name]) for name, track in tracks.items()}
 
 
-def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: list[str]) -> list[Track]:
+def _on_grid(tracks: Tracks, path: Path, rate_hz: float, notes: list[str]) -> list[Track]:
     """Put each receiver's new values on the nearest frame of a regular grid that starts at the earliest one.
 
     A value that repeats the previous one is dropped; of two values on one frame the nearer one is kept.
     """
-    timed: dict[str, Track] = {}  # samples that have a time and differ from the previous sample
+    timed: Tracks = {}  # samples that have a time and differ from the previous sample
     for segment, track in tracks.items():
         some = track.take(np.asarray(np.isfinite(track.numbers).any(-1)))
         before, after = some.numbers[:-1], some.numbers[1:]
@@ -284,7 +273,6 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
             f"was nearer to the same frame of {rate_hz:g} Hz"
         )
         if lost := len(timed[segment].row) - len(at):
-            notes.append(
-                f"segment {segment}: {lost} new values left out: their times are years off all others"
-            )
+            left_out = f"{lost} new values left out: their times are years off all others"
+            notes.append(f"segment {segment}: {left_out}")
     return placed

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.readers.formats.mapped import mapped_segments, name_in_file
+from shukotsu.readers.formats.mapped import name_in_file, segments_of
 from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
@@ -47,20 +48,12 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
         rows = np.flatnonzero(part.usable)[segment[part.records.station[part.usable]] >= 0]
         if len(rows):
             empty, records = False, part.records.take(rows)
-            yield Samples(
-                layout.measured,
-                segment[records.station],
-                records.frame,
-                part.time_s[rows],
-                np.concatenate([records.position_mm, records.quaternion], -1),
-                lambda _: str(path),
-                {name: flagged[rows] for name, flagged in part.flags.items()},
-                notes,
-                losses,
-                missing_frames,
-                tracker,
-                "device",
-            )
+            numbers = np.concatenate([records.position_mm, records.quaternion], -1)
+            flags = {name: flagged[rows] for name, flagged in part.flags.items()}
+            stations, frame, time_s = segment[records.station], records.frame, part.time_s[rows]
+            samples = Samples(layout.measured, stations, frame, time_s, numbers, lambda _: str(path), flags)
+            samples = replace(samples, notes=notes, losses=losses, missing_frames=missing_frames)
+            yield replace(samples, tracker=tracker, orientation="device")
             notes, losses, missing_frames = (), (), 0
     if empty:
         raise InputError(f"{path}: contains no usable pose ({'; '.join(losses)}); record again")
@@ -79,6 +72,6 @@ def segments_of_receivers(
             raise InputError(f"{mapping.where}: position_unit: is {unit}, but {path} has {settings.unit}")
         stations = {str(station): station for station in there}
         sources = [name_in_file(mapping, name, [*stations], str(path)) for name in mapping.receivers]
-        return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))
+        return dict(zip((stations[name] for name in sources), segments_of(mapping, layout), strict=True))
     numbers = ((layout.segments[name].receiver, index) for index, name in enumerate(layout.measured))
     return {number: index for number, index in numbers if number is not None}

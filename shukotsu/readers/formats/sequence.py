@@ -11,15 +11,7 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array, from_matrix
-from shukotsu.readers.formats.mapped import (
-    Track,
-    implied_mapping,
-    mapped_segments,
-    name_in_file,
-    proper_rotations,
-    samples_of_tracks,
-    snake_case,
-)
+from shukotsu.readers.formats import mapped
 from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
@@ -39,29 +31,29 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     transforms, time_s = open_sequence(path)
     tools = tools_of(transforms)
     worn = [name for name in tools if name in layout.measured] or list(tools)
-    mapping = mapping or implied_mapping(str(path), "sequence", worn)
+    mapping = mapping or mapped.implied_mapping(str(path), "sequence", worn)
     wanted = {segment: str(group.get("value", segment)) for segment, group in mapping.receivers.items()}
     named = {segment: {"value": tools.get(name, name)} for segment, name in wanted.items()}
     mapping = replace(mapping, receivers=named)
-    mapped_segments(mapping, layout)
-    frame, tracks = np.arange(len(time_s)), list[Track]()
+    mapped.segments_of(mapping, layout)
+    frame, tracks = np.arange(len(time_s)), list[mapped.Track]()
 
     def locate(row: int) -> str:
         return f"{path}: Seq_Frame{row:04d}"
 
     for segment in mapping.receivers:
-        matrices = transforms[name_in_file(mapping, segment, list(transforms), str(path))]
-        turned = from_matrix(proper_rotations(matrices[:, :3, :3], locate))
+        matrices = transforms[mapped.name_in_file(mapping, segment, list(transforms), str(path))]
+        turned = from_matrix(mapped.proper_rotations(matrices[:, :3, :3], locate))
         position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
-        tracks.append(Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
-    return samples_of_tracks(tracks, mapping, layout, locate)
+        tracks.append(mapped.Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
+    return mapped.samples_of_tracks(tracks, mapping, layout, locate)
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
     """Return tool names of transforms: index_distal for IndexDistalToTracker, the full name if ambiguous."""
-    short = [snake_case(re.sub(r"(?<=.)To[A-Z]\w*$", "", name)) for name in transforms]
+    short = [mapped.snake_case(re.sub(r"(?<=.)To[A-Z]\w*$", "", name)) for name in transforms]
     pairs = zip(short, transforms, strict=True)
-    return {tool if short.count(tool) == 1 else snake_case(name): name for tool, name in pairs}
+    return {tool if short.count(tool) == 1 else mapped.snake_case(name): name for tool, name in pairs}
 
 
 def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:

@@ -26,16 +26,8 @@ import pyarrow.csv as pa_csv
 
 from shukotsu.errors import InputError, count_of, list_names, nearest
 from shukotsu.readers.formats.cells import Cells
+from shukotsu.tables import text_files
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
-from shukotsu.tables.text_files import (
-    NO_VALUE,
-    decode_text,
-    open_text,
-    reading,
-    refuse_other_kind,
-    undecodable,
-    utf8_bytes,
-)
 
 READ_BYTES = 8 << 20
 """Text that is parsed at a time: some ten thousand rows, and more than the longest line."""
@@ -45,7 +37,7 @@ _ROW = re.compile(rb"(?m)^(?=[^\n]*\d)(?:[^,;\t\n]*[,;\t]){3}")
 """Beginning of a row of four or more cells with a digit in it."""
 _NAME_LINES = 6
 """Largest number of lines over which the names of columns may extend."""
-_NUMBER_LIKE, _NO_NAME = re.compile(r"[+\u2212-]?\.?\d"), re.compile(NO_VALUE, re.I)
+_NUMBER_LIKE, _NO_NAME = re.compile(r"[+\u2212-]?\.?\d"), re.compile(text_files.NO_VALUE, re.I)
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Separator by the mapping's name; runs of blanks are first replaced by one tab (see `_normalise`)."""
 
@@ -124,20 +116,12 @@ class TextTable:
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0
         # one thread, because each further thread keeps several blocks in memory
-        read = pa_csv.ReadOptions(
-            use_threads=False,
-            block_size=read_bytes,
-            column_names=list(self.titles),
-            skip_rows=self.header_lines,
-        )
+        read = pa_csv.ReadOptions(use_threads=False, block_size=read_bytes)
+        read.column_names, read.skip_rows = list(self.titles), self.header_lines
         parse = pa_csv.ParseOptions(delimiter=self.separator)
-        convert = pa_csv.ConvertOptions(
-            include_columns=wanted,
-            column_types=dict.fromkeys(wanted, pa.string()),
-            strings_can_be_null=True,
-            null_values=("", *self.empty),
-        )
-        with reading(self.path), self.open() as stream:
+        convert = pa_csv.ConvertOptions(include_columns=wanted, null_values=("", *self.empty))
+        convert.column_types, convert.strings_can_be_null = dict.fromkeys(wanted, pa.string()), True
+        with text_files.reading(self.path), self.open() as stream:
             self._refuse_long_lines(stream)
             # pyarrow must not read from a Python object: its thread aborts a process that exits meanwhile
             text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
@@ -226,7 +210,7 @@ def _undecodable(path: Path, stream: BinaryIO) -> InputError:
             try:
                 line.decode("utf-8")
             except UnicodeDecodeError:
-                return undecodable(path, number)
+                return text_files.undecodable(path, number)
     raise AssertionError("every line can be decoded")
 
 
@@ -235,11 +219,12 @@ def open_tidy_csv(path: Path) -> TextTable:
 
     Raises InputError if the file cannot be read, is empty or is not UTF-8.
     """
-    with reading(path), open_text(path) as stream:
+    with text_files.reading(path), text_files.open_text(path) as stream:
         first = stream.readline(LINE_LETTERS)
         stream.seek(max(0, stream.seek(0, io.SEEK_END) - 1))
         ended = is_ended(stream.read())
-    separator, open_ = "\t" if b"\t" in first and b"," not in first else ",", partial(open_text, path)
+    separator = "\t" if b"\t" in first and b"," not in first else ","
+    open_ = partial(text_files.open_text, path)
     line, header = next(iter(_first_records(path, open_, separator, 1)), (0, []))
     if not header or not any(map(str.strip, header)):
         raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
@@ -263,7 +248,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
     Raises InputError if it cannot be read, is not UTF-8 or is empty.
     """
-    with reading(path, "a table as text"):
+    with text_files.reading(path, "a table as text"):
         data = read_whole(path, "a table as text")
         ended = is_ended(data)
         data = _normalise(path, data, details)
@@ -282,19 +267,11 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
     names = [name.strip() for name in names[:width]]
     expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter than in the mapping)"
-    header = names if details["header"] else map(str, range(1, len(names) + 1))
-    return TextTable(
-        path,
-        lambda: io.BytesIO(data),
-        separator,
-        tuple(header),
-        _titles(names),
-        records[n_names - 1][0] if n_names else 0,
-        expected,
-        missing,
-        details["decimal"],
-        ended=ended or data.endswith(b"\n"),
-    )
+    header = tuple(names if details["header"] else map(str, range(1, len(names) + 1)))
+    header_lines = records[n_names - 1][0] if n_names else 0
+    open_, titles, ended = partial(io.BytesIO, data), _titles(names), ended or data.endswith(b"\n")
+    form = header_lines, expected, missing, details["decimal"], ended
+    return TextTable(path, open_, separator, header, titles, *form)
 
 
 def has_names(row: Sequence[str], missing: Sequence[str] = ()) -> bool:
@@ -324,8 +301,8 @@ def tables_of(path: Path) -> list[bytes]:
 
     A text without several tables is returned whole.
     """
-    with reading(path, "a table as text"):
-        data = _with_line_feeds(utf8_bytes(path, read_whole(path, "a table as text")))
+    with text_files.reading(path, "a table as text"):
+        data = _with_line_feeds(text_files.utf8_bytes(path, read_whole(path, "a table as text")))
     bounds = _table_bounds(data)
     return [data[start:end] for start, end in bounds] if len(bounds) > 1 else [data]
 
@@ -358,7 +335,7 @@ def _first_records(
     path: Path, open_: Callable[[], BinaryIO], separator: str, count: int
 ) -> list[tuple[int, list[str]]]:
     try:
-        with reading(path):
+        with text_files.reading(path):
             return list(itertools.islice(text_records(open_(), separator), count))
     except UnicodeDecodeError as error:
         raise _undecodable(path, open_()) from error
@@ -368,10 +345,10 @@ def _first_records(
 
 def _normalise(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     """Return the text without indents; skipped lines and comments become empty to keep line numbers valid."""
-    refuse_other_kind(path, data[:8], "a table as text")
-    data = utf8_bytes(path, data)
+    text_files.refuse_other_kind(path, data[:8], "a table as text")
+    data = text_files.utf8_bytes(path, data)
     if not data.isascii():  # decoding costs memory, and ASCII needs no check
-        decode_text(path, data, "a table as text")
+        text_files.decode_text(path, data, "a table as text")
     data, skipped = _with_line_feeds(data.removeprefix(b"\xef\xbb\xbf")), details["skip_lines"]
     if number := details.get("table"):
         tables = _table_bounds(data)

@@ -125,11 +125,6 @@ def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
         )
     else:
         segment = segments_of_stations(cells.wholes(RECEIVER), layout, cells.locate)
-    return Samples(
-        layout.measured,
-        segment,
-        cells.wholes("frame"),
-        cells.times_s("time_s", "s"),
-        np.stack([cells.reals(name) for name in NUMBERS]).T,
-        cells.locate,
-    )
+    frame, time_s = cells.wholes("frame"), cells.times_s("time_s", "s")
+    numbers = np.stack([cells.reals(name) for name in NUMBERS]).T
+    return Samples(layout.measured, segment, frame, time_s, numbers, cells.locate)

@@ -7,26 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import InputError, nearest
-from shukotsu.readers.formats.mapped import (
-    Track,
-    implied_mapping,
-    name_in_file,
-    quaternions,
-    samples_of_tracks,
-)
+from shukotsu.readers.formats import mapped
 from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
+from shukotsu.tables import xdf_streams
 from shukotsu.tables.limits import MM_PER_UNIT, UNIT_NAMES
-from shukotsu.tables.xdf_streams import (
-    NUMBERS,
-    Stream,
-    StreamChannel,
-    load_stream,
-    owners,
-    pose_channels,
-    read_streams,
-)
 
 
 def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
@@ -38,40 +24,40 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     """
     stream = _chosen_stream(path, mapping)
     where = f"{path}: stream {stream.name}"
-    if stream.format not in NUMBERS:
+    if stream.format not in xdf_streams.NUMBERS:
         raise InputError(f"{where}: has format {stream.format or 'none'}; expected numbers")
-    read = load_stream(path, stream)
+    read = xdf_streams.load_stream(path, stream)
     if len(read.channels) != stream.channel_count:
         raise InputError(
             f"{where}: has {stream.channel_count} channels, but its header describes {len(read.channels)}; "
             "the sender must describe each (label, marker or object, type, unit)"
         )
-    posed = owners(read.channels)
-    mapping = mapping or implied_mapping(where, "xdf", posed)
+    posed = xdf_streams.owners(read.channels)
+    mapping = mapping or mapped.implied_mapping(where, "xdf", posed)
     usual = {"kind": "quaternion", "order": "wxyz", "rotates": "receiver-to-transmitter"}
     declared = {**usual, **(mapping.orientation or {})}
     if declared["kind"] != "quaternion":
         raise InputError(f"{mapping.where}: orientation.kind: must be quaternion in a mapping for XDF")
-    names = [name_in_file(mapping, key, posed, where) for key in mapping.receivers]
+    names = [mapped.name_in_file(mapping, key, posed, where) for key in mapping.receivers]
     values, frame, tracks = np.asarray(read.values, float), np.arange(len(read.time_s)), []
 
     def locate(row: int) -> str:
         return f"{where}, sample {row + 1}"
 
     for name in names:
-        channels = pose_channels(where, read.channels, name)
+        channels = xdf_streams.pose_channels(where, read.channels, name)
         mm = [_mm_per_unit(f"{where}, {name}", channel, mapping) for channel in channels[:3]]
         pose = values[:, [channel.index for channel in channels]]
         with np.errstate(over="ignore"):
             position_mm = pose[:, :3] * mm
-        numbers = np.concatenate([position_mm, quaternions(pose[:, 3:], declared, locate)], -1)
-        tracks.append(Track(frame, frame, read.time_s, numbers))
-    return samples_of_tracks(tracks, mapping, layout, locate, read.notes)
+        numbers = np.concatenate([position_mm, mapped.quaternions(pose[:, 3:], declared, locate)], -1)
+        tracks.append(mapped.Track(frame, frame, read.time_s, numbers))
+    return mapped.samples_of_tracks(tracks, mapping, layout, locate, read.notes)
 
 
-def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
+def _chosen_stream(path: Path, mapping: FileMapping | None) -> xdf_streams.Stream:
     """Return the stream that the mapping names, or else the only stream of type MoCap."""
-    streams = read_streams(path)
+    streams = xdf_streams.read_streams(path)
     wanted = None if mapping is None else mapping.details.get("stream")
     chosen = [stream for stream in streams if wanted in (stream.name, stream.number)]
     if wanted is None:
@@ -91,7 +77,7 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
     raise InputError(f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {numbered}{say}")
 
 
-def _mm_per_unit(where: str, channel: StreamChannel, mapping: FileMapping) -> float:
+def _mm_per_unit(where: str, channel: xdf_streams.StreamChannel, mapping: FileMapping) -> float:
     """Return a channel's unit in mm. Raises InputError if it is missing, unknown or not the mapping's."""
     unit = UNIT_NAMES.get(channel.unit)
     if channel.unit and unit is None:

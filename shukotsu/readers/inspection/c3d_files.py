@@ -31,9 +31,8 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
     ]
     missing = np.isnan(file.points).any(-1).mean(0) * 100
     worst = sorted(zip(missing, file.labels, strict=False), reverse=True)[:5]
-    lines.append(
-        "missing: " + (", ".join(f"{label} {share:.0f} %" for share, label in worst if share) or "none")
-    )
+    shares = ", ".join(f"{label} {share:.0f} %" for share, label in worst if share)
+    lines.append(f"missing: {shares or 'none'}")
     if file.rotation_labels:
         ratio = len(file.matrices) / file.frames
         lines.append(f"ROTATION labels: {', '.join(file.rotation_labels)}, {ratio:g} a frame")

@@ -8,7 +8,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -153,11 +153,9 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     station = station and bool((stations == np.floor(stations)).all()) and stations[0] >= 0
     station = station and stations[-1] <= _MOST_STATION
     station = station and np.mean(np.diff(codes) % len(stations) == 1) > _NORM_SHARE
-    receivers = [
-        t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
-    ]
-    named_so = [t for t in receivers if _RECEIVER.search(t)]
-    receiver = next((t for t in named_so if t not in numbers or _few_wholes(numbers[t])), None)
+    named_so = [t for t in titles if _RECEIVER.search(t) and not re.search("stat[eu]", t, re.I)]
+    possible = [] if wide else [t for t in named_so if t not in (time, frame)]
+    receiver = next((t for t in possible if t not in numbers or _few_wholes(numbers[t])), None)
     guessed = {titles[0]} if station and receiver is None else set()
     receiver = receiver or next(iter(guessed), None)
     text = [title for title in titles if title not in numbers and title != receiver]
@@ -170,10 +168,8 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
     others = [t for t in left if t in times or not named.get(t, not _counts(t, numbers[t]))]
     aside = [title for title in left if title in (*aside, *others) and title not in quality]
-    roles = Roles(
-        time, nanoseconds, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed
-    )
-    roles.empty.extend(empty)
+    listed = Roles(quality=quality, aside=aside, text=text, empty=empty, guessed=guessed)
+    roles = replace(listed, time=time, nanoseconds=nanoseconds, frame=frame, receiver=receiver)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
     roles.quaternions[:] = [by_scalar(group) or group for group in roles.quaternions]
@@ -395,11 +391,8 @@ class Units(NamedTuple):
 
 def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
     """Infer the units of columns with these roles; numbers : title -> (N,)."""
-    return Units(
-        _position_unit(roles.positions, numbers),
-        _angle_unit(roles.angles, numbers),
-        _time_unit(roles.time, numbers) if roles.time else Unit(CHECK, ""),
-    )
+    position, angle = _position_unit(roles.positions, numbers), _angle_unit(roles.angles, numbers)
+    return Units(position, angle, _time_unit(roles.time, numbers) if roles.time else Unit(CHECK, ""))
 
 
 def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
@@ -411,9 +404,8 @@ def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]
     if span and len(units) == 1 and units[0]:
         would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
-            return _doubt_unit(
-                why, f"the titles of positions state {units[0]}, in which their span is {would_be}"
-            )
+            doubt = f"the titles of positions state {units[0]}, in which their span is {would_be}"
+            return _doubt_unit(why, doubt)
     return _settle_unit(units, why, "positions")
 
 
@@ -453,6 +445,20 @@ def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
         return Unit(unit, STATED)
     return _doubt_unit(why, f"the title {title} states {unit}, in which the rate is {rate_hz:.4g} Hz")
+
+
+_TRACKERS_HZ = 5, 2000
+"""Range of trackers' frame rates, Hz."""
+
+
+def time_unit_of_tracker(unit: Unit, time: Array) -> Unit:
+    """Return the only unit in which the times have a tracker's frame rate; the given unit if ambiguous."""
+    step = median_step(time)
+    hz = {} if step is None else {name: 1 / (step * seconds) for name, seconds in SECONDS_PER_UNIT.items()}
+    meant = [name for name, rate in hz.items() if _TRACKERS_HZ[0] < rate < _TRACKERS_HZ[1]]
+    if len(meant) != 1:
+        return unit
+    return Unit(meant[0], f"{hz[meant[0]]:.4g} Hz; no tracker has the rate in any other unit")
 
 
 def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Array]:

@@ -1,11 +1,8 @@
-"""Describe tables: text tables, with presumed columns, reasons and a mapping that would read them; tidy
-recordings; tables that stages of this project write.
-"""
+"""Describe text tables: presumed columns, with reasons, and a mapping that would read them."""
 
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,158 +16,24 @@ from shukotsu.errors import InputError, count_of
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
-from shukotsu.readers.formats.text_table import has_names, open_table_text, open_tidy_csv, tables_of
-from shukotsu.readers.formats.tidy import (
-    COMMENTS,
-    RECEIVER,
-    REQUIRED,
-    SEGMENT,
-    open_recording,
-    parquet_blocks,
-    wanted_columns,
-)
-from shukotsu.readers.inspection.column_roles import (
-    STATED,
-    Roles,
-    Unit,
-    Units,
-    angle_unit_by_size,
-    by_azimuth,
-    by_scalar,
-    find_roles,
-    find_units,
-    pair_receivers,
-)
-from shukotsu.readers.inspection.description import (
-    CHECK,
-    Description,
-    draft,
-    extent_line,
-    median_step,
-    rate_line,
-)
+from shukotsu.readers.formats.text_table import open_table_text, open_tidy_csv, tables_of
+from shukotsu.readers.formats.tidy import wanted_columns
+from shukotsu.readers.inspection import column_roles
+from shukotsu.readers.inspection.column_roles import Roles, Unit, Units
+from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line, rate_line
+from shukotsu.readers.inspection.text_form import TextForm, detect_form
+from shukotsu.readers.inspection.tidy_files import describe_tidy, is_tidy
 from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
-from shukotsu.tables.poses import NUMBERS
-from shukotsu.tables.text_files import NO_VALUE, open_text
-from shukotsu.tables.typed_table import read_metadata
-
-READ_LINES = 200
-_HEADER_ROWS = 12
-
-_SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
-_NUMBER = {
-    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|{NO_VALUE}", re.I)
-    for mark in ".,"
-}
-
-
-@dataclass(frozen=True)
-class TextForm:
-    """Format of a text table, by keys of the mapping's `csv` group; before : text of the skipped lines.
-
-    table : number of the table, from 1, in a text with several.
-    """
-
-    delimiter: str
-    decimal: str
-    header: bool
-    comment: str | None
-    skip_lines: int
-    before: str = ""
-    table: int | None = None
-
-    def config(self) -> dict[str, Any]:
-        """Return the format as keys of the mapping's `csv` group."""
-        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header")}
-        optional = {name: getattr(self, name) for name in ("comment", "skip_lines", "table")}
-        return config | {name: value for name, value in optional.items() if value}
-
-    def sentence(self) -> str:
-        """Describe the format in words."""
-        names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
-        mark = "comma" if self.decimal == "," else "point"
-        text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
-        text += ", a header" if self.header else ", no header"
-        text += f", comments after {self.comment}" if self.comment else ""
-        return text + (f", {count_of(self.skip_lines, 'line')} before it" if self.skip_lines else "")
-
-
-def detect_form(path: Path, data: bytes) -> TextForm:
-    """Find the format in which most cells of the text are numbers and rows are equally long.
-
-    Raises InputError if the file is not text, or no format gives rows of three or more numbers.
-    data : the text of the table.
-    """
-    try:
-        text = data[: 1 << 20].decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: is neither UTF-8 text nor a file with a supported ending; "
-            "a table must be saved as UTF-8"
-        ) from error
-    lines = text.splitlines()[:READ_LINES]
-    starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # header line of rostopic
-    comment = next((mark for mark in COMMENTS for line in starts if line.startswith(mark)), None)
-    rows = [
-        (index, line)
-        for index, line in enumerate(lines)
-        if line.strip() and not (comment and line.lstrip().startswith(comment))
-    ]
-    candidates = [
-        candidate
-        for delimiter, separator in _SEPARATORS.items()
-        for decimal in ".,"
-        if decimal != delimiter and (candidate := _as(rows, delimiter, separator, decimal, comment))
-    ]
-    if not candidates:
-        raise InputError(f"{path}: its first lines have no table of numbers; expected a recording")
-    return max(candidates, key=lambda candidate: candidate[0])[1]
-
-
-def _as(
-    rows: list[tuple[int, str]], delimiter: str, separator: str | None, decimal: str, comment: str | None
-) -> tuple[float, TextForm] | None:
-    """Return the share of numeric cells and the format if the rows form a table in it, else None."""
-    split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
-    counts = Counter(len(cells) for _, cells in split)
-    width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
-    last = _header_at(split, width, decimal)
-    table = [cells for _, cells in split[last + 1 :] if len(cells) == width]
-    share: float = sum(bool(_NUMBER[decimal].fullmatch(cell)) for cells in table for cell in cells)
-    share /= max(1, len(table) * width)
-    if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
-        return None
-    first = last if last >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
-    while last >= 0 < first and 2 < len(split[first - 1][1]) <= width and has_names(split[first - 1][1]):
-        first -= 1
-    skipped = split[first][0] if first else 0
-    before = "\n".join(line for index, line in rows if index < skipped)
-    return share, TextForm(delimiter, decimal, last >= 0, comment, skipped, before)
-
-
-def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
-    """Return the index of the last of the first rows with words where others have numbers; -1 if none has."""
-    words = [[cell.lower() for cell in cells if not _NUMBER[decimal].fullmatch(cell)] for _, cells in split]
-    counts = sorted(len(texts) for texts, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
-    typical = counts[len(counts) // 2] if counts else 0
-    for index in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
-        row, after = split[index][1], split[index + 1][1]
-        fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
-        named = len(words[index]) - typical >= 0.5 * (width - typical) and len({*words[index]}) > 2
-        if fits and named:
-            return index
-    return -1
-
+from shukotsu.tables.text_files import open_text
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
-
 _JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
-
 FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
-
 MOST_LINES = 16
 """With more receivers than this, positions and angles are each summarised in one line."""
+_NEAREST_MM = 30.0
+"""Usual distance of neighbouring receivers on a hand with one per phalanx."""
 REPEATED_SHARE = 0.2
 """Share of rows that repeat the previous one, above which receivers are not in step with the rows."""
 
@@ -228,7 +91,7 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
             f"{path}: has joint angles ({', '.join(joint_angles[:3])} and so on), from which receiver poses "
             "cannot be computed; export positions and orientations"
         )
-    units = find_units(roles, table.numbers)
+    units = column_roles.find_units(roles, table.numbers)
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
@@ -242,13 +105,13 @@ def _describe(path: Path, layout: Layout, form: TextForm) -> Description:
     if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found, which receivers need")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    pairs = [] if roles.receiver else pair_receivers(roles)
+    pairs = [] if roles.receiver else column_roles.pair_receivers(roles)
     remarks = _remarks(roles, pairs)
     whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
     drafted = _receivers(roles, table.receivers, whole, layout)
     of_stations = _by_station(drafted, layout)
     if of_stations and roles.time and units.time.unit == CHECK:
-        units = units._replace(time=_time_of_tracker(units.time, table.numbers[roles.time]))
+        units = units._replace(time=column_roles.time_unit_of_tracker(units.time, table.numbers[roles.time]))
     config = _draft_config(table, units, of_stations or (drafted,), layout, asynchronous)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if time_unit := table.time_units.get(roles.time or ""):
@@ -264,7 +127,7 @@ def _read_columns(cells: Cells) -> _ReadTable:
     dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
     numbers |= of_day | dates
     time_units = dict.fromkeys(of_day, TIME_OF_DAY) | dict.fromkeys(dates, DATES)
-    roles = find_roles(cells.names, numbers)
+    roles = column_roles.find_roles(cells.names, numbers)
     if roles.time and roles.nanoseconds:
         numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
     names = cells.names_in(roles.receiver)[1] if roles.receiver else []
@@ -287,9 +150,8 @@ def _column_lines(table: _ReadTable, units: Units) -> list[str]:
     lines += _orientation_lines(roles, numbers, units.angle)
     stated = units.position.stated
     if len(roles.positions) > MOST_LINES:  # summarise all receivers in one line
-        widest = max(
-            roles.positions, key=lambda g: float(np.nanmax(np.ptp(_rows(numbers, g), axis=0), initial=0))
-        )
+        spans = [np.nanmax(np.ptp(_rows(numbers, group), axis=0), initial=0) for group in roles.positions]
+        widest = roles.positions[int(np.argmax(spans))]
         what = f"positions of {count_of(len(roles.positions), 'receiver')}, the widest {' '.join(widest)}"
         lines.append(extent_line(what, _rows(numbers, widest), stated))
     else:
@@ -363,15 +225,15 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
             f"its first number is {first:.2f} in the median, its last {last:.2f}, so {likelier} is likelier "
             "if receivers are oriented roughly as the transmitter; the numbers cannot prove it"
         )
-        order = "w, x, y and z as its titles say" if by_scalar(group) else order
+        order = "w, x, y and z as its titles say" if column_roles.by_scalar(group) else order
         lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {order}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     angles = roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]
     for group in filter({*roles.empty}.isdisjoint, angles):
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
         stated = f"in {angle.stated}, as their titles say"
-        seem = stated if angle.stated else angle_unit_by_size(group, numbers).why
-        named = "azimuth, elevation and roll, " if by_azimuth(group) else ""
+        seem = stated if angle.stated else column_roles.angle_unit_by_size(group, numbers).why
+        named = "azimuth, elevation and roll, " if column_roles.by_azimuth(group) else ""
         more = f"; so have {len(roles.angles) - 1} more receivers" if len(roles.angles) > MOST_LINES else ""
         lines.append(f"angles: {ranges}; {named}{seem}{more}")
     return lines
@@ -401,17 +263,16 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
         config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
-        config["order"] = ("wxyz", STATED) if all(map(by_scalar, groups)) else config["order"]
+        if all(map(column_roles.by_scalar, groups)):
+            config["order"] = ("wxyz", column_roles.STATED)
     if kind == "euler" and groups:
         config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
-        if all(map(by_azimuth, groups)):
+        if all(map(column_roles.by_azimuth, groups)):
             config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
             rotates = (FORWARD, "as azimuth, elevation and roll of Polhemus trackers and the trakSTAR")
         elif all(re.search(r"(^|[\W_])r[xyz](?![a-z])", title, re.I) for title in groups[0]):
-            config["kind"] = (
-                CHECK,
-                "euler, or rotation-vector, as Vicon Nexus writes segments: then delete axes",
-            )
+            other = "rotation-vector, as Vicon Nexus writes segments: then delete axes"
+            config["kind"] = (CHECK, f"euler, or {other}")
         elif roles.receiver in roles.guessed:
             config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
             rotates = (FORWARD, f"{CHECK}: as a Polhemus tracker's angles; is it one?")
@@ -464,24 +325,6 @@ def _by_station(drafted: Mapping[str, Any], layout: Layout) -> list[dict[str, An
         if len(right) == len(ordered) and len(left) in (0, len(ordered)):
             return [dict(zip(ordered, part, strict=False)) for part in (right, left)]
     return []
-
-
-_TRACKERS_HZ = 5, 2000
-"""Range of trackers' frame rates, Hz."""
-
-
-def _time_of_tracker(unit: Unit, time: Array) -> Unit:
-    """Return the only unit in which the times have a tracker's frame rate; the given unit if ambiguous."""
-    step = median_step(time)
-    hz = {} if step is None else {name: 1 / (step * seconds) for name, seconds in SECONDS_PER_UNIT.items()}
-    meant = [name for name, rate in hz.items() if _TRACKERS_HZ[0] < rate < _TRACKERS_HZ[1]]
-    if len(meant) != 1:
-        return unit
-    return Unit(meant[0], f"{hz[meant[0]]:.4g} Hz; no tracker has the rate in any other unit")
-
-
-_NEAREST_MM = 30.0
-"""Usual distance of neighbouring receivers on a hand with one per phalanx."""
 
 
 def _nearest(position: Array) -> str:
@@ -549,69 +392,8 @@ def describe_text(path: Path, layout: Layout) -> Description:
     """
     with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
-    if not _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))]):
+    if not is_tidy([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))]):
         return describe_table(path, layout)
     table = open_tidy_csv(path)
     blocks = table.blocks(wanted_columns(path, table.header))
-    return _describe_tidy("CSV", blocks, layout)
-
-
-def _tidy_header(names: Sequence[str]) -> bool:
-    return {*REQUIRED} <= {*names} and not {SEGMENT, RECEIVER}.isdisjoint(names)
-
-
-def describe_parquet(path: Path, layout: Layout) -> Description:
-    """Describe a Parquet file: a tidy recording, or a table that a stage wrote."""
-    with open_recording(path) as file:
-        names, rows = [name.strip() for name in file.schema_arrow.names], file.metadata.num_rows
-        kinds = [f"{field.name} ({field.type})" for field in file.schema_arrow]
-    try:
-        metadata = read_metadata(path)
-    except InputError:
-        if _tidy_header(names):
-            return _describe_tidy("Parquet", parquet_blocks(path), layout)
-        raise InputError(
-            f"{path}: a Parquet file, but neither a tidy recording nor a table of this project; it has "
-            f"{', '.join(kinds)}; rename its columns, or save it as CSV and write a mapping"
-        ) from None
-    lines = [
-        f"table {metadata['schema']} (version {metadata['schema_version']}) of {metadata['program']} "
-        f"{metadata['program_version']}: {count_of(rows, 'row')}"
-    ]
-    lines += [
-        f"column {name} [{column['unit'] or '-'}]: {column['description']}"
-        for name, column in metadata["columns"].items()
-    ]
-    shown = {"schema", "schema_version", "program", "program_version", "columns"}
-    lines += [f"{key}: {value}" for key, value in metadata.items() if key not in shown]
-    return Description(tuple(lines), recording=False)
-
-
-@np.errstate(over="ignore")  # infinite numbers are printed as such
-def _describe_tidy(kind: str, blocks: Iterable[Cells], layout: Layout) -> Description:
-    lines = [f"a tidy recording ({kind}): needs no mapping"]
-    parts = [part for part in blocks if part.rows]
-    if not parts:
-        return Description((*lines, "it has a header but no rows"))
-    frames = np.concatenate([part.wholes("frame") for part in parts])
-    time_s = np.concatenate([part.times_s("time_s", "s") for part in parts])
-    numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
-    extent = f"frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"
-    lines.append(f"{count_of(len(frames), 'row')}, {extent}")
-    if SEGMENT in parts[0].names:
-        segments = list(dict.fromkeys(name for part in parts for name in part.names_in(SEGMENT)[1]))
-        lines.append(f"segments: {', '.join(segments)}")
-        odd = [segment for segment in segments if segment not in layout.measured]
-        lines += [f"not measured in layout {layout.name}: {', '.join(odd)}"] if odd else []
-    else:
-        stations = np.unique(np.concatenate([part.wholes(RECEIVER) for part in parts]))
-        lines.append(f"receivers: {', '.join(map(str, stations))}")
-    if np.isfinite(time_s).any():
-        lines.append(rate_line("time_s", time_s, ["s"]))
-    whole = np.isfinite(numbers).all(-1)
-    lines.append(f"{(~whole).sum()} of {count_of(len(whole), 'row')} lack a number and stay gaps")
-    lines.append(extent_line("positions", numbers[:, :3]))
-    if whole.any():
-        norm = np.linalg.norm(numbers[:, 3:], axis=-1)
-        lines.append(f"quaternions: median norm {np.nanmedian(norm):.5f}")
-    return Description(tuple(lines))
+    return describe_tidy("CSV", blocks, layout)
