@@ -17,6 +17,7 @@ from functools import cache
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
 
 from shukotsu.fit.compiled_equations import Jacobian, reduce, residuals
 from shukotsu.fit.normal_equations import Point, Problem, Reduced
@@ -235,7 +236,7 @@ class ScoreTest:
                 for s, (of_s, by_s) in _by_interval(left, branch, skin, cuts).items():
                     slope[s], curvature[s] = of_s, by_s
             for s in tested:
-                of_s, by_s = _on_courses(slope[s], curvature[s], ways.share)
+                of_s, by_s = _on_all_courses(slope[s], curvature[s], ways)
                 step[s] = -np.linalg.solve(by_s + DISPLACEMENT_PRECISION, of_s[..., None])[..., 0]
                 gain[s] = -(of_s * step[s]).sum(-1) / 2
                 enough = gain[s] > LEAST_GAIN  # no displacement is more abnormal than it gains
@@ -359,27 +360,28 @@ def _by_interval(
     n_skin, shape = 6 * n * n_ways, (n_frames, n, 6)
     by_x, slope = branch.by_x.reshape(*shape, -1), branch.slope.reshape(shape)
     of_skin = (branch.curvature.reshape(n_frames, 6 * n, n, 1, 6) * skin[:, None]).reshape(*shape, n_skin)
-    pull = np.einsum("fiag,fira->gira", by_x, skin, optimize=True).reshape(-1, n_skin)
-    x_by_skin, x = left.covariance @ pull, left.covariance @ left.gradient
-    inner = np.eye(n_skin) - pull.T @ x_by_skin
+    pull = left.whitened(np.einsum("fiag,fira->irag", by_x, skin, optimize=True))
+    inner = np.eye(n_skin) - pull.T @ pull
     inner += np.einsum("fira,fias->iras", skin, of_skin, optimize=True).reshape(n_skin, -1)
-    rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel() - pull.T @ x
+    rhs = np.einsum("fira,fia->ira", skin, slope, optimize=True).ravel() - pull.T @ left.gradient
     every = np.arange(len(cuts))
     interval = (np.searchsorted(cuts, np.arange(n_frames), "right") - 1 == every[:, None]).astype(float)
     blocks, pulls, slopes, at_cuts = (  # sums over the frames of each interval, as one product each
         np.tensordot(interval, values, 1)
         for values in (branch.curvature.reshape(*shape, n, 6), by_x, slope, of_skin)
     )
-    slopes -= pulls @ x
-    at_cuts -= np.tensordot(pulls, x_by_skin, 1)
-    with_skin = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
-    taken = np.linalg.solve(inner, np.concatenate([*with_skin, rhs[None]]).T)
+    with_x = left.whitened(pulls.swapaxes(0, 1))  # of each receiver, all intervals
+    with_skin = at_cuts.swapaxes(0, 1).reshape(-1, n_skin) - with_x.T @ pull
+    lower = np.linalg.cholesky(inner)
+    taken = solve_triangular(lower, np.c_[with_skin.T, rhs], lower=True)
     by_receiver = {}
     for i, s in enumerate(branch.receivers):
-        with_x, by_s = pulls[:, i].reshape(6 * len(cuts), -1), taken[:, :-1].reshape(n_skin, n, -1)[:, i]
-        curvature = -with_x @ (left.covariance @ with_x.T) - with_skin[i] @ by_s
+        rows = slice(6 * len(cuts) * i, 6 * len(cuts) * (i + 1))
+        by_s, by_x_s = taken[:, rows], with_x[:, rows]
+        curvature = -(by_x_s.T @ by_x_s) - by_s.T @ by_s
         curvature.reshape(len(cuts), 6, len(cuts), 6)[every, :, every] += blocks[:, i, :, i]
-        by_receiver[s] = slopes[:, i] - (with_skin[i] @ taken[:, -1]).reshape(-1, 6), curvature
+        explained = by_x_s.T @ left.gradient + by_s.T @ taken[:, -1]
+        by_receiver[s] = slopes[:, i] - explained.reshape(-1, 6), curvature
     return by_receiver
 
 
@@ -389,6 +391,23 @@ def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Ar
     once = share @ curvature.reshape(n, -1)
     blocks = once.reshape(len(share), 6, n, 6)
     return share @ slope, np.einsum("paib,pi->pab", blocks, share, optimize=True)
+
+
+def _on_all_courses(slope: Array, curvature: Array, ways: Courses) -> tuple[Array, Array]:
+    """Return slope (P, 6) and curvature (P, 6, 6) by displacements on every course.
+
+    Of steps and temporary offsets, by far the most, they are differences of sums over all intervals from a
+    moment on: the curvature from a to b is C(a, a) - C(a, b) - C(b, a) + C(b, b).
+    """
+    n = len(slope)
+    since = np.zeros((n + 1, n + 1, 6, 6))
+    backwards = curvature.reshape(n, 6, n, 6).swapaxes(1, 2)[::-1, ::-1]
+    since[:n, :n] = backwards.cumsum(0).cumsum(1)[::-1, ::-1]
+    a, b = ways.start, np.where(ways.returns, ways.end, n)
+    blocks = since[a, a] - since[a, b] - since[b, a] + since[b, b]
+    slides = (ways.end > ways.start) & ~ways.returns
+    blocks[slides] = _on_courses(slope, curvature, ways.share[slides])[1]
+    return ways.share @ slope, blocks
 
 
 def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
@@ -451,11 +470,29 @@ class EliminatedBranch:
 
 @dataclass(frozen=True)
 class Eliminated:
-    """All branches at a point, the covariance (G, G) of the unknowns and the gradient (G,) of the cost."""
+    """All branches at a point, with the hand's unknowns still to be eliminated.
+
+    Attributes
+    ----------
+    branches : tuple of EliminatedBranch
+        Derivatives by displacements of each branch's receivers.
+    lower : array, shape (G, G)
+        Cholesky factor L of the unknowns' precision.
+    gradient : array, shape (G,)
+        Derivatives g of the cost by the unknowns, as L^-1 g.
+
+    """
 
     branches: tuple[EliminatedBranch, ...]
-    covariance: Array
+    lower: Array
     gradient: Array
+
+    def whitened(self, by_x: Array) -> Array:
+        """Return L^-1 A^T (G, N) of derivatives A by the unknowns, (..., G) with N rows.
+
+        The unknowns absorb (A L^-T) (A L^-T)^T of the curvature, since their covariance is (L L^T)^-1.
+        """
+        return np.asarray(solve_triangular(self.lower, by_x.reshape(-1, len(self.lower)).T, lower=True))
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> Eliminated:
@@ -492,7 +529,8 @@ class Eliminated:
                     scale[..., None] * root,
                 )
             )
-        return cls(tuple(branches), np.asarray(np.linalg.inv(reduced.matrix)), reduced.gradient)
+        lower = np.linalg.cholesky(reduced.matrix)
+        return cls(tuple(branches), lower, solve_triangular(lower, reduced.gradient, lower=True))
 
 
 def _left(reduced: Reduced, index: int, jacobian: Jacobian) -> tuple[Array, Array, Array, Array]:

@@ -230,7 +230,6 @@ def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Ar
         by_x += np.tensordot(of_each, turned(branch.by_x), over_poses)
         slope += np.tensordot(of_each, turned(branch.slope), over_poses)
     n_amounts = 6 * n_errors
-    flat_root, flat_x = by_root.reshape(-1, n_amounts), by_x.reshape(n_amounts, -1)
-    pulled = flat_x @ left.covariance
-    curved = curvature.reshape(n_amounts, n_amounts) - flat_root.T @ flat_root - pulled @ flat_x.T
-    return slope.ravel() - pulled @ left.gradient, curved
+    flat_root, absorbed = by_root.reshape(-1, n_amounts), left.whitened(by_x)
+    curved = curvature.reshape(n_amounts, n_amounts) - flat_root.T @ flat_root - absorbed.T @ absorbed
+    return slope.ravel() - absorbed.T @ left.gradient, curved
