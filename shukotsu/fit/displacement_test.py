@@ -529,7 +529,7 @@ class Eliminated:
                     scale[..., None] * root,
                 )
             )
-        lower = np.linalg.cholesky(reduced.matrix)
+        lower = np.asarray(np.linalg.cholesky(reduced.matrix), float)
         return cls(tuple(branches), lower, solve_triangular(lower, reduced.gradient, lower=True))
 
 

@@ -221,6 +221,22 @@ def test_a_trackers_text_output_is_drafted_by_station(run: Run) -> None:
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(30) + 0.5) * 25.4)
 
 
+@pytest.mark.parametrize("prefix", ["", "S"])
+def test_numbered_receivers_of_a_long_table_are_drafted_by_station(run: Run, prefix: str) -> None:
+    """One row a receiver and frame, with a title over the receivers' numbers."""
+    rows = [
+        f"{frame / 240:.5f},{prefix}{station},{20 * station}.{frame % 10},1.5,2.5,0.8,0.6,0,0\n"
+        for frame in range(30)
+        for station in range(1, 17)
+    ]
+    path = run.write("long.csv", "time,sensor,x,y,z,qw,qx,qy,qz\n" + "".join(rows))
+    run.inspect(path, "--layout", "liberty16", "--write-mapping", str(run.mapping))
+    draft = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert [*draft["receivers"].values()] == [{"value": f"{prefix}{station}"} for station in range(1, 17)]
+    assert [*draft["receivers"]][::15] == ["hand", "little_distal"]
+    assert (draft["csv"]["rows"], draft["csv"]["receiver"]) == ("long", "sensor")
+
+
 def test_rigid_clusters_of_a_c3d_file_are_drafted_for_any_labels(run: Run) -> None:
     shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
     motions = (TURNED, 1000 * PLACE), (TURNED[::-1], 300 * PLACE[::-1])

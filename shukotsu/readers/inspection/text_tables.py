@@ -291,7 +291,7 @@ def _receivers(
         if roles.receiver in roles.guessed and None not in stations.values():
             doubt = f"{CHECK}: as layout {layout.name} numbers its stations; correct?"
             return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
-        return {_segment(name, layout, receivers): {"value": name} for name in receivers}
+        return {_segment(name, layout, receivers): ({"value": name}, "") for name in receivers}
     config: dict[str, Any] = {}
     names = [position[0] for position, _ in pairs]
     for index, (position, turning) in enumerate(pairs):
