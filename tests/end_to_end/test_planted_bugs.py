@@ -73,10 +73,8 @@ def run(subject: PlannedSubject, stage: str) -> None:
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    recordings = [("right", "rom", "both"), ("left", "rom", "calibration")]
-    subject = planned_subject(
-        tmp_path_factory.mktemp("sound"), recordings, ["paper-fig4", "quick"], n_frames=90
-    )
+    recordings, models = [("right", "rom", "both")], ["paper-fig4", "quick"]
+    subject = planned_subject(tmp_path_factory.mktemp("sound"), recordings, models, n_frames=90)
     for stage in STAGES:
         run(subject, stage)
     return subject
@@ -98,7 +96,10 @@ def test_the_study_ends_with_a_report_that_names_the_bug(
     subject = sound.copied(tmp_path)
     results, study = Results(subject.plan_file.parent.parent), f"--study={subject.folder / 'study.yaml'}"
     every = [*STAGES]
-    for stage in every[every.index(stages[0]) :]:
+    to_run = {*every[every.index(stages[0]) :]}
+    if not {"check_recordings", "fit_hand"} & {*stages}:
+        to_run.discard("fit_hand")  # of its tables it reads findings only, so that it would be the same
+    for stage in filter(to_run.__contains__, STAGES):
         with monkeypatch.context() as planted:
             if stage in stages:
                 planted.setattr(places[stage], raising)
