@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -48,7 +47,8 @@ Row = dict[str, Any]
 def warm_jobs() -> dict[str, str]:
     """Start a warm process for all studies, as each start takes 4 s; return the environment of its jobs."""
     warm_process.start()
-    return {name: os.environ.pop(name) for name in (job.ADDRESS,) if name in os.environ}
+    address = os.environ.pop(job.ADDRESS, None)  # None where there are no warm processes
+    return {job.ADDRESS: address} if address else {}
 
 
 @dataclass(frozen=True)
@@ -73,19 +73,20 @@ class StudyRun:
     folder: Path
     repository: Path = REPOSITORY
 
-    def snakemake(
-        self, *words: str, cores: int = CORES, environment: Mapping[str, str] | None = None
-    ) -> subprocess.CompletedProcess[str]:
-        """Run Snakemake with the program's Snakefile on the study, in the study's folder, and wait for it."""
+    def snakemake(self, *words: str, cores: int = CORES, **more: str) -> subprocess.CompletedProcess[str]:
+        """Run Snakemake with the program's Snakefile on the study, in the study's folder, and wait for it.
+
+        more : variables for its environment.
+        """
         command = [sys.executable, "-m", "snakemake", "-s", str(self.repository / "Snakefile")]
         command += ["--directory", str(self.folder), "--configfile", str(self.file), "--cores", str(cores)]
-        how: dict[str, Any] = {"cwd": self.folder, "env": os.environ | (environment or {})}
+        how: dict[str, Any] = {"cwd": self.folder, "env": os.environ | more}
         return subprocess.run([*command, *words], capture_output=True, text=True, timeout=1500, **how)
 
     def run(self, *targets: str, cores: int = CORES) -> str:
         """Run the study or some targets, check for exit code 0 and return Snakemake's standard error."""
-        environment = warm_jobs() if self.repository == REPOSITORY else None
-        done = self.snakemake(*targets, cores=cores, environment=environment)
+        shared = warm_jobs() if self.repository == REPOSITORY else {}
+        done = self.snakemake(*targets, cores=cores, **shared)
         assert done.returncode == 0, done.stderr
         return done.stderr
 

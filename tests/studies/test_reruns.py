@@ -341,11 +341,8 @@ def test_changes_are_rerun_with_the_results_of_a_fresh_run(copy: StudyRun) -> No
 
     (copy.folder / "participants.tsv").write_text("subject\tgroup\n01\tb\n02\tb\n")
     copy.file.write_text(copy.file.read_text("utf-8").replace("[bvh, bids, csv]", "[bvh]"))
-    for path in (
-        copy.file,
-        copy.folder / "participants.tsv",
-        copy.folder / "01.csv",
-    ):  # a clock ahead
+    for name in (copy.file.name, "participants.tsv", "01.csv"):  # a clock ahead
+        path = copy.folder / name
         os.utime(path, (path.stat().st_mtime + 86400,) * 2)
     sheet = copy.folder / "open.tsv"
     lines = sheet.read_text("utf-8").splitlines(keepends=True)
