@@ -73,10 +73,8 @@ def run(subject: PlannedSubject, stage: str) -> None:
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    recordings = [("right", "rom", "both"), ("left", "rom", "calibration")]
-    subject = planned_subject(
-        tmp_path_factory.mktemp("sound"), recordings, ["paper-fig4", "quick"], n_frames=90
-    )
+    recordings, models = [("right", "rom", "both")], ["paper-fig4", "quick"]
+    subject = planned_subject(tmp_path_factory.mktemp("sound"), recordings, models, n_frames=90)
     for stage in STAGES:
         run(subject, stage)
     return subject
@@ -99,6 +97,8 @@ def test_the_study_ends_with_a_report_that_names_the_bug(
     results, study = Results(subject.plan_file.parent.parent), f"--study={subject.folder / 'study.yaml'}"
     every = [*STAGES]
     for stage in every[every.index(stages[0]) :]:
+        if stage == "fit_hand" and not {"check_recordings", stage} & {*stages}:
+            continue  # of all tables it reads findings only, so that it would be the same
         with monkeypatch.context() as planted:
             if stage in stages:
                 planted.setattr(places[stage], raising)

@@ -44,9 +44,7 @@ def _errors(demo: StudyRun, model: str, **wanted: str) -> list[Row]:
     return rows
 
 
-def test_estimated_metacarpals_reduce_tip_errors_from_cm_to_mm(
-    demo: StudyRun,
-) -> None:
+def test_estimated_metacarpals_reduce_tip_errors_from_cm_to_mm(demo: StudyRun) -> None:
     """Table 1, metacarpals at rest: fingers are 4 to 20 cm off, the thumb, whose metacarpal has a receiver,
     less. Tables 2 to 4: every digit is within 1 cm except the one with the failing joint.
     """

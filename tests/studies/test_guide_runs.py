@@ -13,7 +13,7 @@ import pytest
 from browser import browser  # noqa: F401
 from guide_pages import PAGES, REPOSITORY, Block, blocks
 from program_files import printed_by
-from studies.running import ALL_BUT_FIGURES, SHORT_FIT, record, shukotsu, write_study
+from studies.running import ALL_BUT_FIGURES, SHORT_FIT, record, shukotsu, warm_jobs, write_study
 
 FRAMES = 400
 MODELS = ["rigid", "paper-fig4", "whole-hand.yaml"]
@@ -93,6 +93,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str
         (programs / name).chmod(0o755)
     path = f"{programs}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     return os.environ | {
+        **warm_jobs(),
         "PATH": path,
         "PYTHONPATH": str(REPOSITORY),
         "BROWSER": "true",

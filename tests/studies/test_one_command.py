@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 
 import psutil
@@ -55,6 +54,10 @@ def test_a_new_study_is_run_to_report_and_exports(tmp_path: Path) -> None:
     assert (folder / "out" / "sub-01_hand-right_task-rom_model-rigid.csv").is_file()
 
 
+ENDS = [(os.killpg, signal.SIGINT, 130), (os.kill, signal.SIGTERM, 143), (os.killpg, signal.SIGHUP, 129)]
+"""Signals as they arrive, at the group from a terminal, and exit codes; others in commands/test_run_study."""
+
+
 @pytest.mark.parametrize("after", ["$ ", " jobs done"])
 def test_an_interrupted_run_leaves_no_process(tmp_path: Path, after: str) -> None:
     """It is interrupted while Snakemake starts or between jobs; the same command then completes the run."""
@@ -62,8 +65,7 @@ def test_an_interrupted_run_leaves_no_process(tmp_path: Path, after: str) -> Non
     study = write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
     words = ("run", "--", (study.results.subject("01") / "tips.parquet").relative_to(tmp_path).as_posix())
     mark = {"OF_THIS_TEST": str(tmp_path)}
-    codes = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
-    for kill, (number, code) in product((os.kill, os.killpg), codes.items()):
+    for kill, number, code in ENDS:
         shutil.rmtree(study.results.folder, ignore_errors=True)  # so that there are jobs to do
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", "shukotsu", *words],
