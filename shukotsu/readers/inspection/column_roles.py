@@ -32,10 +32,14 @@ _UNITS = {
 """Spellings of units in titles, in lower case, and the unit's name in mappings."""
 _WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
 _STATED = re.compile(
-    rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?=[\W_]*\d*[\W_]*$)",
+    rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]"
+    rf"|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?!(?<=[\W_].)\d)(?=[\W_]*\d*[\W_]*$)",
     re.I,
 )
-"""A unit in brackets, or as the last word before an optional number; other letters may name a finger."""
+"""A unit in brackets, or as the last word before an optional number; other letters may name a finger.
+
+A single letter at a number, as in q0_S01 or x_M1, names a receiver.
+"""
 
 
 class Title(NamedTuple):
@@ -64,15 +68,16 @@ _RECEIVER = re.compile(r"child_frame_id|receiver|sensor|station|segment|marker|^
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
 _ASIDE = re.compile(
     r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
-    r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
-    r"|(id|index|count)(_?\d+)?$)"
+    r"|veloc|omega|(hours?|minutes?|date|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
+    r"|(id|index|count|port)(_?\d+)?$)"
 )
 """Words of columns that are not poses; searched in titles in snake case."""
 _SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
 _MANY_ROWS = 20
 """Over this many rows no position increases in every row or stays constant to the last digit."""
 _ANGLE = re.compile(
-    r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
+    r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|(?<![a-z])r[xyz](?![a-z])",
+    re.I,
 )
 _AXIS = re.compile(
     r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?"
