@@ -239,7 +239,7 @@ def test_numbered_receivers_of_a_long_table_are_drafted_by_station(run: Run, pre
 
 @pytest.mark.parametrize("by_receiver", [False, True])
 @pytest.mark.parametrize("names", [["手", "腕"], ["Tool A", "Tool B"], ["3", "7"]])
-@pytest.mark.parametrize("titles", ["frame,Zeit,Rec", "frame,time,object", ""])
+@pytest.mark.parametrize("titles", ["frame,Zeit,Rec", "frame,time,object", "", "# row numbers"])
 def test_a_receiver_column_is_known_by_its_rows(
     run: Run, titles: str, names: list[str], by_receiver: bool
 ) -> None:
@@ -250,12 +250,15 @@ def test_a_receiver_column_is_known_by_its_rows(
         for frame in range(FRAMES)
         for at, name in enumerate(names)
     ]
-    rows = sorted(cells, key=lambda row: names.index(row[2])) if by_receiver and titles else cells
-    head = [titles + ",x,y,z,qw,qx,qy,qz"] if titles else []
+    titled = titles.startswith("frame")
+    rows = sorted(cells, key=lambda row: names.index(row[2])) if by_receiver and titled else cells
+    head = [titles + ",x,y,z,qw,qx,qy,qz"] if titled else []
+    if titles and not titled:
+        rows = [[str(number), *row] for number, row in enumerate(rows, 1)]
     path = run.write("long.csv", "\n".join([*head, *map(",".join, rows)]) + "\n")
     run.drafted(path)
     answers = {"position_unit": "mm", **FORWARD, "time_unit": "s", "CHECK_1": "hand", "CHECK_2": "forearm"}
-    samples = run.imported(path, answers | ({} if titles else {"order": "wxyz"}))
+    samples = run.imported(path, answers | ({} if titled else {"order": "wxyz"}))
     assert (samples.frame.min(), samples.frame.max()) == (100, 99 + FRAMES)
     for at, segment in enumerate(("hand", "forearm")):
         mine = of(samples, segment)

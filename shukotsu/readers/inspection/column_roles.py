@@ -173,8 +173,11 @@ def find_roles(
     growing = [t for t in free if (receiver and t in clocklike) or (np.diff(numbers[t]) > 0).all()]
     if time is None and growing == left[: len(growing)]:  # the only increasing columns, and the first
         if frame is None:
-            frame = next((t for t in growing if t in counts and median_step(numbers[t]) == 1), None)
-        timed = [title for title in growing if title != frame]
+            repeated = [
+                t for t in growing if not receiver or (np.diff(numbers[t]) <= 0).any()
+            ]  # no row number
+            frame = next((t for t in repeated if t in counts and median_step(numbers[t]) == 1), None)
+        timed = [t for t in growing if t not in counts] or [t for t in growing if t != frame]
         if len(timed) <= 1:
             time, left = next(iter(timed), None), left[len(growing) :]
             guessed |= {*growing}
