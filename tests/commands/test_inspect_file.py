@@ -214,7 +214,7 @@ def test_a_trackers_text_output_is_drafted_by_station(run: Run) -> None:
     assert (draft["position_unit"], draft["csv"]["rows"]) == ("CHECK", "long")
     assert draft["orientation"] == {"kind": "euler", "axes": "ZYX", "unit": "deg", **FORWARD}
     answers = {"position_unit": "inch", "rate_hz": "240"}
-    samples = run.imported(path, answers | {"CHECK_01": "hand", "CHECK_02": "forearm"})
+    samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
     hand = of(samples, "hand")
     assert samples.frame[hand].tolist() == [*range(30)]
     assert samples.frame[~hand].tolist() == [*range(7), *range(8, 29)]
@@ -235,6 +235,61 @@ def test_numbered_receivers_of_a_long_table_are_drafted_by_station(run: Run, pre
     assert [*draft["receivers"].values()] == [{"value": f"{prefix}{station}"} for station in range(1, 17)]
     assert [*draft["receivers"]][::15] == ["hand", "little_distal"]
     assert (draft["csv"]["rows"], draft["csv"]["receiver"]) == ("long", "sensor")
+
+
+@pytest.mark.parametrize("by_receiver", [False, True])
+@pytest.mark.parametrize("names", [["手", "腕"], ["Tool A", "Tool B"], ["3", "7"]])
+@pytest.mark.parametrize("titles", ["frame,Zeit,Rec", "frame,time,object", "", "# row numbers"])
+def test_a_receiver_column_is_known_by_its_rows(
+    run: Run, titles: str, names: list[str], by_receiver: bool
+) -> None:
+    """Whatever its title, its names and the order of the rows; times start anew with each receiver's rows."""
+    numbers = np.concatenate([1000 * PLACE, TURNED], -1).round(6)
+    cells = [
+        [str(100 + frame), f"{frame / 120:.4f}", name, *map(str, numbers[frame] + [at, *[0] * 6])]
+        for frame in range(FRAMES)
+        for at, name in enumerate(names)
+    ]
+    titled = titles.startswith("frame")
+    rows = sorted(cells, key=lambda row: names.index(row[2])) if by_receiver and titled else cells
+    head = [titles + ",x,y,z,qw,qx,qy,qz"] if titled else []
+    if titles and not titled:
+        rows = [[str(number), *row] for number, row in enumerate(rows, 1)]
+    path = run.write("long.csv", "\n".join([*head, *map(",".join, rows)]) + "\n")
+    run.drafted(path)
+    answers = {"position_unit": "mm", **FORWARD, "time_unit": "s", "CHECK_1": "hand", "CHECK_2": "forearm"}
+    samples = run.imported(path, answers | ({} if titled else {"order": "wxyz"}))
+    assert (samples.frame.min(), samples.frame.max()) == (100, 99 + FRAMES)
+    for at, segment in enumerate(("hand", "forearm")):
+        mine = of(samples, segment)
+        np.testing.assert_allclose(samples.numbers[mine, 0], numbers[:, 0] + at)
+        np.testing.assert_allclose(samples.time_s[mine], np.arange(FRAMES) / 120, atol=1e-4)
+
+
+def test_angles_about_axes_are_told_from_positions_by_a_letter(run: Run) -> None:
+    """Each receiver has x, y, z and rx, ry, rz; a line of units, most of them empty, follows the titles."""
+    titles = [f"{name}_{axis}" for name in ("hand", "forearm") for axis in ("x", "y", "z", "rx", "ry", "rz")]
+    angles = Rotation.from_quat(TURNED, scalar_first=True).as_euler("XYZ")
+    numbers = np.concatenate([1000 * PLACE, angles, 900 * PLACE, angles], -1)
+    path = run.table("angles.tsv", ",".join(titles), numbers, "\t")
+    path.write_text(path.read_text().replace("\n", "\nmm" + "\t" * 11 + "\n", 1))
+    run.drafted(path)
+    draft = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert (draft["csv"]["delimiter"], draft["orientation"]["axes"]) == ("tab", "CHECK")
+    position, turning = (
+        [f"forearm_{axis}" for axis in axes] for axes in (["x", "y", "z"], ["rx", "ry", "rz"])
+    )
+    assert draft["receivers"]["forearm"] == {"position": position, "orientation": turning}
+
+
+def test_quoted_numbers_and_receivers_named_by_a_letter_are_drafted(run: Run) -> None:
+    """S01 after q0 is a receiver, not seconds; in quotation marks are numbers, too, and separators."""
+    titles = [f"{column}_S01" for column in ("x", "y", "z", "q0", "q1", "q2", "q3")]
+    rows = [["time, s", *titles], *np.column_stack([np.arange(FRAMES) / 120, 1000 * PLACE, TURNED])]
+    path = run.write("quoted.csv", "".join(",".join(f'"{cell}"' for cell in row) + "\n" for row in rows))
+    run.drafted(path)
+    samples = run.imported(path, {"position_unit": "mm", **FORWARD, "CHECK_1": "hand"})
+    np.testing.assert_allclose(samples.numbers, np.array(rows[1:])[:, 1:], atol=1e-6)
 
 
 def test_rigid_clusters_of_a_c3d_file_are_drafted_for_any_labels(run: Run) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.readers.formats.mapped import snake_case
 from shukotsu.readers.inspection.description import CHECK, IMPOSSIBLE_EXTENTS, extent, median_step, rate_line
 from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
@@ -32,10 +32,14 @@ _UNITS = {
 """Spellings of units in titles, in lower case, and the unit's name in mappings."""
 _WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
 _STATED = re.compile(
-    rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?=[\W_]*\d*[\W_]*$)",
+    rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]"
+    rf"|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?!(?<=[\W_].)\d)(?=[\W_]*\d*[\W_]*$)",
     re.I,
 )
-"""A unit in brackets, or as the last word before an optional number; other letters may name a finger."""
+"""A unit in brackets, or as the last word before an optional number; other letters may name a finger.
+
+A single letter at a number, as in q0_S01 or x_M1, names a receiver.
+"""
 
 
 class Title(NamedTuple):
@@ -64,15 +68,16 @@ _RECEIVER = re.compile(r"child_frame_id|receiver|sensor|station|segment|marker|^
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
 _ASIDE = re.compile(
     r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
-    r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
-    r"|(id|index|count)(_?\d+)?$)"
+    r"|veloc|omega|(hours?|minutes?|date|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
+    r"|(id|index|count|port)(_?\d+)?$)"
 )
 """Words of columns that are not poses; searched in titles in snake case."""
 _SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
 _MANY_ROWS = 20
 """Over this many rows no position increases in every row or stays constant to the last digit."""
 _ANGLE = re.compile(
-    r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
+    r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|(?<![a-z])r[xyz](?![a-z])",
+    re.I,
 )
 _AXIS = re.compile(
     r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?"
@@ -124,10 +129,13 @@ class Roles:
         return kind, kinds[kind]
 
 
-def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
+def find_roles(
+    titles: Sequence[str], numbers: Mapping[str, Array], words: Mapping[str, Integers], clocks: Sequence[str]
+) -> Roles:
     """Infer the roles of columns from their numbers, and from their names if the numbers are ambiguous.
 
-    titles : all columns; numbers : columns with numbers or without values, title -> (N,).
+    titles : all columns; numbers : columns with numbers or without values, title -> (N,); words : columns of
+    text without empty cells, title -> (N,) codes of their texts; clocks : columns of times of day or dates.
     """
     numeric = [title for title in titles if title in numbers]
     inertial = [[t for t in numeric if re.fullmatch(rf"{x}_?[xyz]", t, re.I)] for x in "agm"]
@@ -140,31 +148,39 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     unnamed = [t for t in numeric if t not in named]
     split = {t: split_title(t) for t in unnamed}
     times = [t for t in unnamed if split[t].unit in _TIMES or any(map(_TIME.search, (t, split[t].name)))]
-    time = next((t for t in times if _grows(numbers[t])), None)
+    coded = [t for t in unnamed if (t not in aside or _RECEIVER.search(t)) and _few_wholes(numbers[t])]
+    stations = {**words, **{t: np.unique(numbers[t], return_inverse=True)[1] for t in coded}}
+    starts = [np.diff(codes) != 0 for codes in stations.values()]
+    time = next((t for t in (*clocks, *times) if _grows(numbers[t], starts)), None)
     within = {t: re.sub(r"n(?:ano)?(secs?)$", r"\1", t, flags=re.I) for t in unnamed}
     nanoseconds = next((t for t, seconds in within.items() if seconds != t and seconds in unnamed), None)
     time = within[nanoseconds] if nanoseconds else time
-    counts = [t for t in numeric if _grows(numbers[t]) and (numbers[t] == np.floor(numbers[t])).all()]
+    clocklike = [t for t in numeric if _grows(numbers[t], starts)]
+    counts = [t for t in clocklike if (numbers[t] == np.floor(numbers[t])).all()]
     frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
-    # whether the first column cycles through a few small whole numbers; rows may be missing
-    stations, codes = np.unique(numbers.get(titles[0], np.zeros(0)), return_inverse=True)
-    station = not wide and 2 <= len(stations) <= len(codes) / 2 and not np.isnan(stations).any()
-    station = station and bool((stations == np.floor(stations)).all()) and stations[0] >= 0
-    station = station and stations[-1] <= _MOST_STATION
-    station = station and np.mean(np.diff(codes) % len(stations) == 1) > _NORM_SHARE
     named_so = [t for t in titles if _RECEIVER.search(t) and not re.search("stat[eu]", t, re.I)]
     possible = [] if wide else [t for t in named_so if t not in (time, frame)]
     receiver = next((t for t in possible if t not in numbers or _few_wholes(numbers[t])), None)
-    guessed = {titles[0]} if station and receiver is None else set()
+    clock = numbers.get(time or frame or "", np.zeros(1))
+    turns = [t for t in titles if t in stations and not wide and _take_turns(stations[t], clock)]
+    turns = [t for t in turns if t not in (time, frame)]
+    guessed = {*turns[:1]} if receiver is None else set()
     receiver = receiver or next(iter(guessed), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, nanoseconds, frame, receiver)]
     free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
-    growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
-    if time is None and growing and growing == left[:1]:  # the only increasing column, and the first
-        time = left.pop(0)
-        guessed.add(time)
+    growing = [t for t in free if (receiver and t in clocklike) or (np.diff(numbers[t]) > 0).all()]
+    if time is None and growing == left[: len(growing)]:  # the only increasing columns, and the first
+        if frame is None:
+            repeated = [
+                t for t in growing if not receiver or (np.diff(numbers[t]) <= 0).any()
+            ]  # no row number
+            frame = next((t for t in repeated if t in counts and median_step(numbers[t]) == 1), None)
+        timed = [t for t in growing if t not in counts] or [t for t in growing if t != frame]
+        if len(timed) <= 1:
+            time, left = next(iter(timed), None), left[len(growing) :]
+            guessed |= {*growing}
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
     others = [t for t in left if t in times or not named.get(t, not _counts(t, numbers[t]))]
     aside = [title for title in left if title in (*aside, *others) and title not in quality]
@@ -311,9 +327,27 @@ def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
     return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
 
 
-def _grows(values: Array) -> bool:
+def _grows(values: Array, starts: Iterable[Bools]) -> bool:
+    """Return whether numbers (N,) never go back, or exactly where a receiver's rows may start.
+
+    starts : for each column that may name receivers, whether its name changes after each row, (N - 1,).
+    """
     steps = np.diff(values[np.isfinite(values)])
-    return bool(len(steps) and (steps >= 0).all() and (steps > 0).any())
+    back = steps < 0
+    anew = back.any() and any(np.array_equal(back, changes) for changes in starts)
+    return bool((steps > 0).any()) and (anew or not back.any())
+
+
+def _take_turns(codes: Integers, clock: Array) -> bool:
+    """Return whether codes (N,) of names are of receivers that take turns, or change as the clock goes back.
+
+    clock : times or frames, shape (N,), or none.
+    """
+    n_names, steps = len(np.unique(codes)), np.diff(codes)
+    if not 2 <= n_names <= min(_MOST_STATION, len(codes) / 2):
+        return False
+    in_turn = np.mean(steps % n_names == 1) > _NORM_SHARE
+    return bool(in_turn or (np.ptp(clock) > 0 and np.array_equal(np.diff(clock) < 0, steps != 0)))
 
 
 def _few_wholes(values: Array) -> bool:

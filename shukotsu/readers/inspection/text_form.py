@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,11 +93,11 @@ def _as(
     rows: list[tuple[int, str]], delimiter: str, separator: str | None, decimal: str, comment: str | None
 ) -> tuple[float, TextForm] | None:
     """Return the share of numeric cells and the format if the rows form a table in it, else None."""
-    split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
+    split = [(index, _cells(line, separator)) for index, line in rows]
     counts = Counter(len(cells) for _, cells in split)
     width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
     last = _header_at(split, width, decimal)
-    table = [cells for _, cells in split[last + 1 :] if len(cells) == width]
+    table = [cells for _, cells in split[last + 1 :] if len(cells) == width and not has_names(cells)]
     share: float = sum(bool(_NUMBER[decimal].fullmatch(cell)) for cells in table for cell in cells)
     share /= max(1, len(table) * width)
     if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
@@ -106,6 +108,15 @@ def _as(
     skipped = split[first][0] if first else 0
     before = "\n".join(line for index, line in rows if index < skipped)
     return share, TextForm(delimiter, decimal, last >= 0, comment, skipped, before)
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    """Return the cells of a line without quotation marks; a separator within these separates nothing."""
+    cells = line.split(separator)
+    if separator and '"' in line:
+        with suppress(csv.Error):  # a cell is too long
+            cells = next(csv.reader([line], delimiter=separator))
+    return [cell.strip().strip('"') for cell in cells]
 
 
 def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:

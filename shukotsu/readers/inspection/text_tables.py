@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.arrays import Array
+from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, count_of
 from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
@@ -127,11 +127,16 @@ def _read_columns(cells: Cells) -> _ReadTable:
     dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
     numbers |= of_day | dates
     time_units = dict.fromkeys(of_day, TIME_OF_DAY) | dict.fromkeys(dates, DATES)
-    roles = column_roles.find_roles(cells.names, numbers)
+    words: dict[str, Integers] = {}
+    for title in texts:
+        if title not in numbers:
+            with suppress(InputError):  # an empty cell
+                words[title] = cells.names_in(title)[0]
+    roles = column_roles.find_roles(cells.names, numbers, words, [*time_units])
     if roles.time and roles.nanoseconds:
         numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
     names = cells.names_in(roles.receiver)[1] if roles.receiver else []
-    receivers = sorted(names, key=lambda name: (len(name), name))
+    receivers = sorted(names, key=int) if all(map(str.isdecimal, names)) else names
     return _ReadTable(cells.rows, numbers, time_units, roles, receivers)
 
 
@@ -273,7 +278,7 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
         elif all(re.search(r"(^|[\W_])r[xyz](?![a-z])", title, re.I) for title in groups[0]):
             other = "rotation-vector, as Vicon Nexus writes segments: then delete axes"
             config["kind"] = (CHECK, f"euler, or {other}")
-        elif roles.receiver in roles.guessed:
+        elif roles.receiver in roles.guessed and groups[0][0].startswith("number "):
             config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
             rotates = (FORWARD, f"{CHECK}: as a Polhemus tracker's angles; is it one?")
         config["unit"] = angle[:2]
@@ -291,7 +296,10 @@ def _receivers(
         if roles.receiver in roles.guessed and None not in stations.values():
             doubt = f"{CHECK}: as layout {layout.name} numbers its stations; correct?"
             return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
-        return {_segment(name, layout, receivers): ({"value": name}, "") for name in receivers}
+        segments = [
+            _segment(name, layout, receivers) or f"{CHECK}_{n}" for n, name in enumerate(receivers, 1)
+        ]
+        return {s: ({"value": name}, "") for s, name in zip(segments, receivers, strict=True)}
     config: dict[str, Any] = {}
     names = [position[0] for position, _ in pairs]
     for index, (position, turning) in enumerate(pairs):
@@ -299,9 +307,8 @@ def _receivers(
         columns |= {"orientation": _columns(turning)} if turning else {}
         if len(roles.quality) == len(roles.positions):  # one quality column per receiver
             columns["quality"] = _column(roles.quality[roles.positions.index(position)])
-        segment = _segment(names[index], layout, names)
-        key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
-        config[key] = (columns, _doubt(roles, position + turning))
+        segment = _segment(names[index], layout, names) or f"{CHECK}_{index + 1}"
+        config[segment] = (columns, _doubt(roles, position + turning))
     return config
 
 
@@ -343,13 +350,11 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
 
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
-    """Return the segment in a title such as `index_distal x_mm` if it is unique, or a CHECK mark."""
+    """Return the segment in a title such as `index_distal x_mm`, or "" if it has none or is not unique."""
     words = [f"_{snake_case(name)}_" for name in titles]
     named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
     segment = max(named, key=len, default="")
-    if segment and sum(f"_{segment}_" in word for word in words) == 1:
-        return segment
-    return f"{CHECK}_{re.sub(r'[^0-9A-Za-z]', '_', title)}"
+    return segment if sum(f"_{segment}_" in word for word in words) == 1 else ""
 
 
 def _columns(titles: Sequence[str]) -> list[int | str]:
@@ -370,7 +375,7 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
     if roles.nanoseconds:
         config["nanoseconds"] = _column(roles.nanoseconds)
     if roles.frame and not asynchronous:
-        config["frame"] = _column(roles.frame)
+        config["frame"] = (_column(roles.frame), _doubt(roles, [roles.frame]))
     if asynchronous:
         config["in_step"] = (False, "old values are repeated: each new one is kept once")
     if roles.quality and len(roles.quality) == (1 if roles.receiver else len(roles.positions)):
