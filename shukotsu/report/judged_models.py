@@ -337,10 +337,9 @@ def outcome_text(results: StudyResults) -> str:
     problems = all_problems(results)
     lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
     lines += filter(None, [care_line(results), next_step(results)])
-    lines += [
-        f"- {problem.where}: {in_quotes(problem.text)} {problem.places}".rstrip()
-        for problem in problems[:MOST_PROBLEMS]
-    ]
+    for problem in problems[:MOST_PROBLEMS]:
+        places = f" ({problem.places})" if problem.places else ""
+        lines.append(f"- {problem.where}: {in_quotes(problem.text)}{places}")
     more = len(problems) - MOST_PROBLEMS
     lines += [f"- and {more} more; see the report"] if more > 0 else []
     return "\n".join(
