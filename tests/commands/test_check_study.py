@@ -151,6 +151,25 @@ def test_a_study_that_could_not_run_is_refused(
     assert capsys.readouterr().err.startswith(named)
 
 
+@pytest.mark.parametrize(
+    ("row", "models", "named"),
+    [
+        ("P1 right rom both rom.csv", ["rigd"], "study.yaml: model 'rigd' is neither"),
+        (
+            "P1 right rom both rom.csv - libery16",
+            ["rigid"],
+            "sheets/recordings.tsv: row 2, column layout: layout 'libery16' is neither",
+        ),
+    ],
+)
+def test_a_misspelt_model_or_layout_is_refused_with_its_place(
+    study: Path, row: str, models: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_study(study.parent, row, models=models)
+    assert check([study.name]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {named}")
+
+
 def test_a_quantity_that_cannot_be_measured_is_refused_as_in_a_run(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

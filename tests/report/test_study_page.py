@@ -74,6 +74,16 @@ def test_a_hand_with_findings_gets_no_other_advice_on_its_subjects_page(fitted: 
     assert ["What to record next" in page for page in pages] == [True, False]
 
 
+def test_the_terminal_tells_recordings_with_a_fault_from_other_places(fitted: StudyResults) -> None:
+    suspect = _suspect(fitted, "left", "right")
+    whole_hands = [row | {"task": "", "severity": "note"} for row in suspect.rows.problems]
+    for results, counted in (
+        (suspect, "2 recordings: in m (subject S01, "),
+        (fitted.with_rows(problems=whole_hands), "2 places: in m (subject S01, "),
+    ):
+        assert counted in " ".join(judged_models.outcome_text(results).split())
+
+
 def test_hands_with_findings_are_left_out_of_the_headline_numbers(fitted: StudyResults) -> None:
     joints, _, findings = judged_models.big_numbers(_suspect(fitted, "left"))
     right = rows_where(fitted.rows.joint_centres, model="whole-hand", hand="right")
