@@ -116,6 +116,9 @@ def check_recording(
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
     dead = np.isfinite(ends).all((0, 2)) & (ends[0] == ends[-1]).all(-1) & ~poses.valid.any(0)
+    dead_names = {poses.segments[index] for index in np.flatnonzero(dead)}
+    # such a receiver contradicts its neighbours, too, but did not fall off
+    broken = _breaks([seen for seen in breaks if not dead_names.issuperset(seen["segments"])])
     frozen = [  # the first receiver that the import rejected because it never moves although its parent does
         Finding("receiver-stuck", SUSPECT, "all-along", {"segment": poses.segments[index]})
         for index in np.flatnonzero(dead)[:1]

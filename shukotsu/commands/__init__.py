@@ -74,4 +74,9 @@ def read_files(study: Path) -> StudyFiles:
         raise InputError(
             f"{study}: not found in {Path.cwd()}; name the study file, or make one: `shukotsu new FOLDER`"
         )
-    return StudyFiles(study)
+    files = StudyFiles(study)
+    if files.study.language != "en":
+        from shukotsu.report.templates import check_language  # late, as it is slow to import
+
+        check_language(files.study.language, f"{study}: language")
+    return files

@@ -6,6 +6,7 @@ import argparse
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
@@ -113,10 +114,11 @@ def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
         draft = describe(path, layout).draft
     if not draft:
         return error
-    worn = "" if layout == "liberty16" else f" --layout {layout}"
+    worn = "" if layout == "liberty16" else f" --layout {quote(layout)}"
     return InputError(
-        f"{path}: is another program's file, which needs a mapping; `shukotsu inspect {path} --write-mapping "
-        f"mapping.yaml{worn}` drafts one to edit, then check again with --mapping mapping.yaml"
+        f"{path}: is another program's file, which needs a mapping; `shukotsu inspect {quote(str(path))} "
+        f"--write-mapping mapping.yaml{worn}` drafts one to edit, then check again with --mapping "
+        "mapping.yaml"
     )
 
 

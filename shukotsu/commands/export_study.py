@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from shlex import quote
 
 from shukotsu import command_line
 from shukotsu.commands import add_study, read_files
@@ -31,7 +32,7 @@ def export_study(arguments: argparse.Namespace) -> None:
     every = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
     arguments.plan, arguments.record_failure = [path for path in every if path.is_file()], False
     if not arguments.plan:
-        what = f"run `shukotsu run {arguments.study}` in this folder first"
+        what = f"run `shukotsu run {quote(str(arguments.study))}` in this folder first"
         raise InputError(f"{every[0]}: does not exist yet; {what}")
     export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from importlib.util import find_spec
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
@@ -54,14 +55,15 @@ def inspect(arguments: argparse.Namespace) -> None:
     if target is not None:
         todo = "put the truth where it says CHECK; import refuses it until then"
         print(f"wrote {target}: {todo if CHECK in description.draft else 'it is complete; look it over'}")
-    mapping, layout = f" --mapping {target}" if description.draft else "", f" --layout {arguments.layout}"
-    then = f"shukotsu import --in {arguments.file}{mapping}{layout} --subject 01 --hand right --task rom"
+    file, layout = quote(str(arguments.file)), f" --layout {quote(str(arguments.layout))}"
+    mapping = f" --mapping {quote(str(target))}" if description.draft else ""
+    then = f"shukotsu import --in {file}{mapping}{layout} --subject 01 --hand right --task rom"
     then += " --out poses.parquet"
     then += "; and so with --hand left" if "\nleft_receivers:" in description.draft else ""
     if not description.recording:
         then = "nothing to import: this is a table that the pipeline made"
     elif description.draft and target is None:
-        then = f"shukotsu inspect {arguments.file} --write-mapping mapping.yaml"
+        then = f"shukotsu inspect {file} --write-mapping mapping.yaml"
         then += "" if arguments.layout == "liberty16" else layout
     print(f"next: {then}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from shlex import quote
 
 from shukotsu import command_line
 from shukotsu.commands import add_study, read_files
@@ -29,9 +30,8 @@ def show_report(arguments: argparse.Namespace) -> None:
     files = read_files(arguments.study)
     report = files.results.report
     if not report.is_file():
-        raise InputError(
-            f"{report}: does not exist yet; run `shukotsu run {arguments.study}` in this folder first"
-        )
+        what = f"run `shukotsu run {quote(str(arguments.study))}` in this folder first"
+        raise InputError(f"{report}: does not exist yet; {what}")
     if arguments.to_terminal:
         from shukotsu.report.judged_models import outcome_text
         from shukotsu.report.study_results import read_results

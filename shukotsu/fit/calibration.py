@@ -214,7 +214,7 @@ def fit_calibration(
         hand=hand,
         hand_length_mm=plan.sizes_mm["hand_length_mm"],
         hand_breadth_mm=plan.sizes_mm["hand_breadth_mm"],
-        measurements=_measurements(plan, hand, layout),
+        measurements=measurements_of(plan, hand, layout),
         settings=FitSettings(fitting.frames, fitting.steps, FitSettings.rounds if fitting.steps else 0),
     )
     fit = fit_to(recordings)
@@ -254,7 +254,7 @@ def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FR
     return read_every(path, segments, -(-frame_count(path) // most_frames))  # rounded up
 
 
-def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:
+def measurements_of(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:
     """Return the measurements of the hand; raise InputError if the sheet names an unknown quantity."""
     quantities = measurable(layout)
     rows = [row for row in plan.rows["measurements"] if row["hand"] == hand]

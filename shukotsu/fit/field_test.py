@@ -148,15 +148,18 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
         Its source, and its error at the nearest receiver position.
     gain : float
         Log likelihood that it explains beyond an ordinary room's field; 0 if poses are relative to one of the
-        receivers, so that positions in the room are unknown.
+        receivers, so that positions in the room are unknown, or if no pose fits the hand even roughly.
 
     """
+    none = Disturbance(np.zeros(3), np.zeros(3), np.zeros(6))
     if _is_relative(problem.frames):
-        return Disturbance(np.zeros(3), np.zeros(3), np.zeros(6)), 0.0
+        return none, 0.0
     valid = problem.frames.valid.copy()
     for s, r in problem.residuals_of(residuals(problem, point)):
         off = np.linalg.norm(r.reshape(-1, 2, 3), axis=-1) * problem.sd[s]
         valid[:, s] &= (off <= GROSS).all(1)  # larger residuals are hemisphere errors or spikes
+    if not valid.any():  # such as centimetres read as millimetres
+        return none, 0.0
     frames = replace(problem.frames, valid=valid)
     problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])

@@ -258,10 +258,14 @@ def doubted_joints(results: StudyResults) -> list[JointCentresRow]:
 
 
 def care_line(results: StudyResults) -> str:
-    """Return a sentence on the joints to take with care and why, the most frequent reason first, or ""."""
+    """Return a sentence on the joints to take with care and why, the most frequent reason first, or "".
+
+    Joints that were not solved are left out: there is nothing to take, and the problems state why.
+    """
     of_reason: dict[str, list[JointCentresRow]] = defaultdict(list)
     for row in doubted_joints(results):
-        of_reason[row["reason"]].append(row)
+        if row["reason"] != verdict.NOT_SOLVED:
+            of_reason[row["reason"]].append(row)
     n_hands = len({hand_of(row) for row in results.judging.rows.joint_centres})
     parts = []
     for rows in sorted(of_reason.values(), key=len, reverse=True)[:MOST_REASONS]:
@@ -337,10 +341,9 @@ def outcome_text(results: StudyResults) -> str:
     problems = all_problems(results)
     lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
     lines += filter(None, [care_line(results), next_step(results)])
-    lines += [
-        f"- {problem.where}: {in_quotes(problem.text)} {problem.places}".rstrip()
-        for problem in problems[:MOST_PROBLEMS]
-    ]
+    for problem in problems[:MOST_PROBLEMS]:
+        places = f" ({problem.places})" if problem.places else ""
+        lines.append(f"- {problem.where}: {in_quotes(problem.text)}{places}")
     more = len(problems) - MOST_PROBLEMS
     lines += [f"- and {more} more; see the report"] if more > 0 else []
     return "\n".join(

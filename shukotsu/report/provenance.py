@@ -42,7 +42,7 @@ def recordings_table(results: StudyResults) -> DataTable:
 class ListedFault:
     """A fault as listed on pages.
 
-    where : its recording, or the number of recordings with it. places : these recordings, if there are
+    where : its recording, hand or model, or the number of those with it. places : these, if there are
     several. evidence : the evidence for it in each of them.
     """
 
@@ -59,17 +59,20 @@ def faults_listed(rows: Sequence[ProblemsRow]) -> list[ListedFault]:
     for fault in faults(rows):
         of_rows = (": ".join(filter(None, (where(seen.row), seen.what))) for seen in fault.seen)
         evidence = tuple(f"{where(seen.row)}: {seen.evidence}" for seen in fault.seen if seen.evidence)
-        listed.append(_listed_fault(list(dict.fromkeys(of_rows)), fault.severity, fault.text, evidence))
+        places = list(dict.fromkeys(of_rows))
+        several = ngettext("{n} recording", "{n} recordings", len(places))
+        if not all(seen.row["task"] for seen in fault.seen):  # of a hand, or of a model
+            several = ngettext("{n} place", "{n} places", len(places))
+        listed.append(_listed_fault(places, several, fault.severity, fault.text, evidence))
     return listed
 
 
 def _listed_fault(
-    places: Sequence[str], severity: str, text: str, evidence: tuple[str, ...] = ()
+    places: Sequence[str], several: str, severity: str, text: str, evidence: tuple[str, ...] = ()
 ) -> ListedFault:
-    """Return a fault of one or several recordings; the evidence is listed only for several."""
+    """Return a fault of one or several places; the evidence is listed only for several."""
     if len(places) == 1:
         return ListedFault(places[0], severity, text)
-    several = ngettext("{n} recording", "{n} recordings", len(places))
     return ListedFault(several, severity, text, "; ".join(places), evidence)
 
 
@@ -92,7 +95,11 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
         if status != "used" and not (message and message in messages):
             reason = ": ".join(filter(None, (word(status), translated(message))))
             unused[reason].append(recording.source.file_as_written)
-    return faults_listed(rows) + [_listed_fault(files, "note", reason) for reason, files in unused.items()]
+    listed = faults_listed(rows)
+    for reason, files in unused.items():
+        several = ngettext("{n} recording", "{n} recordings", len(files))
+        listed.append(_listed_fault(files, several, "note", reason))
+    return listed
 
 
 def where(problem: ProblemsRow) -> str:

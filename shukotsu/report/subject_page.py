@@ -83,7 +83,7 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
         "leading": tables[0],
         "others": tables[1:],
         "near": near_lines(rows, gains, results.layouts[hand]),
-        "next": gain_lines(gains),
+        "next": [] if hand in results.suspect else gain_lines(gains),  # first resolve its findings
     }
 
 

@@ -258,10 +258,11 @@ def shipped_names(kind: str) -> list[str]:
     return sorted(path.stem for path in (CONFIG_FOLDER / f"{kind}s").glob("*.yaml"))
 
 
-def config_path(name: str, kind: str, folder: Path) -> Path:
+def config_path(name: str, kind: str, folder: Path, where: str = "") -> Path:
     """Find the file of a layout or model by the name of one that ships, or by a path relative to `folder`.
 
-    Raises InputError with a list of those that ship if there is neither.
+    where : start of the message, such as the study file and a colon, if the name stands in a file. Raises
+    InputError with a list of those that ship if there is neither.
     """
     if (kind, name) == ("model", REFERENCE):
         return CONFIG_FOLDER / "references" / f"{name}.yaml"
@@ -272,8 +273,8 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
         return path
     near = nearest(name, shipped_names(kind)) or slash_hint(name)
     raise InputError(
-        f"{kind} {shorten(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped_names(kind))}) "
-        f"nor a file in {folder}{near}"
+        f"{where}{kind} {shorten(name, 60)!r} is neither a {kind} that ships "
+        f"({', '.join(shipped_names(kind))}) nor a file in {folder}{near}"
     )
 
 

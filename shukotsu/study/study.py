@@ -239,7 +239,7 @@ def not_compared(study: Study) -> dict[str, str]:
 def read_study(path: Path) -> Study:
     """Read a study file and all files it names. Raises InputError if any is missing or invalid."""
     config, folder, where = read_config(path, "study"), path.parent, str(path)
-    layout = config_path(config["layout"], "layout", folder)
+    layout = config_path(config["layout"], "layout", folder, f"{where}: ")
     models = _models(config["models"], folder, where)
     settings = config["export_settings"]
     for name in settings["models"]:
@@ -371,7 +371,7 @@ def _check_events(
 def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
     models: dict[str, Path] = {}
     for name in names:
-        path = config_path(name, "model", folder)
+        path = config_path(name, "model", folder, f"{where}: ")
         model: SkeletonModel = read_model(path.absolute())
         if model.name in models:
             raise InputError(f"{where}: models: {model.name} is given twice")
@@ -419,7 +419,8 @@ def _recordings(
     paths: dict[tuple[str, str], int] = {}
     units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS, factors):
-        worn = config_path(row["layout"], "layout", folder) if row["layout"] else usual.layout
+        place = f"{sheet}: row {row.line}, column layout: "
+        worn = config_path(row["layout"], "layout", folder, place) if row["layout"] else usual.layout
         form = format_of(Path(row["file"]))
         needs_none = row["format"] != AUTO or (form is not None and not form.takes_study_mapping)
         usual_mapping = None if needs_none else usual.mapping

@@ -10,6 +10,7 @@ from stage_runs import check_recordings as check_recordings
 
 from shukotsu.commands.check_file import main as check
 from shukotsu.commands.import_file import main as import_recording
+from shukotsu.commands.inspect_file import main as inspect
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
@@ -133,3 +134,52 @@ def test_the_other_hand_is_the_only_finding(rom: Path, capsys: pytest.CaptureFix
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
     assert "Measuring" not in out
+
+
+TYPOS = {
+    "study.yaml: model 'rigd' is neither": ("rigd", "", ""),
+    "study.yaml: language: is 'fr'; expected one of en, ja": ("rigid", "", "language: fr"),
+    "sheets/recordings.tsv: row 2, column layout: layout 'libery16' is": ("rigid", " - libery16", ""),
+}
+
+
+@pytest.mark.parametrize("message", TYPOS)
+def test_a_typo_is_refused_with_its_place(
+    study: Path, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, cells, more = TYPOS[message]
+    write_study(study.parent, f"P1 right rom both rom.csv{cells}", models=[model], more=more)
+    assert check([study.name]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {message}")
+
+
+def test_a_quantity_that_cannot_be_measured_is_refused_as_in_a_run(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sheet = "subject hand quantity value_mm sd_mm\nP1 right index_proximl 40 1\n"
+    write_study(study.parent, "P1 right rom both rom.csv", measurements=sheet)
+    assert check([study.name]) == 2
+    assert "'index_proximl' cannot be measured on layout liberty16; did you mean" in capsys.readouterr().out
+
+
+def test_the_next_command_can_be_copied_if_the_path_has_a_space(
+    rom: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (path := tmp_path / "a b.csv").write_text(rom.read_text("utf-8").replace("x_mm", "px"), "utf-8")
+    assert check([str(path), "--hand", "right"]) == 2
+    assert f"`shukotsu inspect '{path}' --write-mapping" in capsys.readouterr().err
+    assert inspect([str(path)]) == 0
+    assert f"next: shukotsu inspect '{path}' --write-mapping" in capsys.readouterr().out
+
+
+def test_a_receiver_that_never_moves_did_not_fall_off(
+    rom: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = rom.read_text("utf-8").splitlines()
+    first = next(line for line in lines if '"middle_distal"' in line).split(",")[3:]
+    for n, line in enumerate(lines):
+        if '"middle_distal"' in line:
+            lines[n] = ",".join([*line.split(",")[:3], *first])
+    (path := tmp_path / "stuck.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    assert check([str(path), "--hand", "right"]) == 1
+    assert [line.split(": ")[1] for line in capsys.readouterr().out.splitlines()] == ["receiver-stuck"]

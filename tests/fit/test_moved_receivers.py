@@ -11,7 +11,7 @@ from simulated_poses import recorded, write_poses
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.hand_tables import moved_rows
-from shukotsu.fit.loose_receivers import LooseReceiver, Moment, moved_in
+from shukotsu.fit.loose_receivers import LooseReceiver, Moment, displaced_in, moved_in
 from shukotsu.fit.part_tables import UNSEEN_TURN_DEG, posed_blocks
 from shukotsu.hand.rotations import about_axis, multiply, rotate
 from shukotsu.study.findings import moved_finding
@@ -87,3 +87,9 @@ def test_only_joints_and_tips_that_need_a_moved_receiver_are_empty(tmp_path: Pat
 
 def test_no_receiver_is_called_moved_in_a_faultless_recording() -> None:
     assert not moved_in(fitted(), thinned("opposition"))
+
+
+def test_poses_that_all_contradict_the_hand_name_no_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if a calibration in centimetres was read as millimetres: no pose is left to place a field by."""
+    monkeypatch.setattr("shukotsu.fit.field_test.GROSS", 0.0)
+    assert displaced_in(fitted(), [thinned("rom")]).field is None

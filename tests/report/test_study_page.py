@@ -19,11 +19,12 @@ from shukotsu.report import judged_models
 from shukotsu.report.judged_models import WIDTH
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults
+from shukotsu.report.subject_page import render_subject
 from shukotsu.report.table_cells import anchor, link
 from shukotsu.scores.agreement import times_expected
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, finding_of_text, problem_row
 from shukotsu.study.results import Results
-from shukotsu.study.verdict import BY_ANATOMY, MOVED_LITTLE, NO_POSE, UNCERTAIN, note_doubts
+from shukotsu.study.verdict import BY_ANATOMY, MOVED_LITTLE, NO_POSE, NOT_SOLVED, UNCERTAIN, note_doubts
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 MARKS = {"believe": "", "care": "◆", "no": "✕"}
@@ -66,6 +67,21 @@ def _suspect(results: StudyResults, *hands: str) -> StudyResults:
     row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
     row |= {"severity": "suspect", "message": "in m", "accepted": "", "variant": "", "values": ""}
     return results.with_rows(problems=[row | {"hand": hand} for hand in hands])
+
+
+def test_a_hand_with_findings_gets_no_other_advice_on_its_subjects_page(fitted: StudyResults) -> None:
+    pages = [render_subject(results) for results in (fitted, _suspect(fitted, "left", "right"))]
+    assert ["What to record next" in page for page in pages] == [True, False]
+
+
+def test_the_terminal_tells_recordings_with_a_fault_from_other_places(fitted: StudyResults) -> None:
+    suspect = _suspect(fitted, "left", "right")
+    whole_hands = [row | {"task": "", "severity": "note"} for row in suspect.rows.problems]
+    for results, counted in (
+        (suspect, "2 recordings: in m (subject S01, "),
+        (fitted.with_rows(problems=whole_hands), "2 places: in m (subject S01, "),
+    ):
+        assert counted in " ".join(judged_models.outcome_text(results).split())
 
 
 def test_hands_with_findings_are_left_out_of_the_headline_numbers(fitted: StudyResults) -> None:
@@ -113,6 +129,8 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
     dead = doubted("index_dip", **{NO_POSE: {"segments": ["index_distal"]}})
     worn = "wear a receiver on index_distal, and record again; this would improve index_dip."
     assert judged_models.next_step(dead) == f"Next: {worn}"
+    unsolved = [row | {"verdict": "no", "reason": NOT_SOLVED} for row in believed]
+    assert judged_models.care_line(fitted.with_rows(joint_centres=unsolved)) == ""
     placed = doubted("wrist", **{BY_ANATOMY: {}})
     assert judged_models.next_step(placed).startswith("Next: measure the hand's length (participants.tsv")
     assert "Measuring" in judged_models.next_step(doubted("wrist", **{UNCERTAIN: {"wanted_mm": 2.0}}))

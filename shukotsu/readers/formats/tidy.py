@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 import pyarrow as pa
@@ -100,11 +101,11 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
         if what:
             raise InputError(
                 f"{path}: no columns of a tidy recording; {what}: {do}, or "
-                f"`shukotsu inspect {path}` shows how to read it as it is"
+                f"`shukotsu inspect {quote(str(path))}` shows how to read it as it is"
             )
         lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
         do = "; column names are written in lower case" if lower else ""
-        do += f"; `shukotsu inspect {path}` shows how to read another table as it is"
+        do += f"; `shukotsu inspect {quote(str(path))}` shows how to read another table as it is"
         present = list_names([name for name in header if name])
         raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
