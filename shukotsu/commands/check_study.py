@@ -17,7 +17,6 @@ from shukotsu import command_line
 from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, count_of, list_names
-from shukotsu.fit.calibration import measurements_of
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.findings import EXIT_CODES, REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan
@@ -122,10 +121,13 @@ def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]
         name = " ".join(filter(None, (who.subject, who.session, who.hand)))
         if not plan.all_calibrating(hand):
             findings.append(_named_finding(name, Finding("hand", REFUSED, "uncalibrated")))
-        try:
-            measurements_of(plan, hand, plan.layouts[hand])
-        except InputError as error:
-            findings.append((name, 2, f"refused: {error}"))
+        if plan.rows["measurements"]:
+            from shukotsu.fit.calibration import measurements_of  # late, as it is slow to import
+
+            try:
+                measurements_of(plan, hand, plan.layouts[hand])
+            except InputError as error:
+                findings.append((name, 2, f"refused: {error}"))
     return findings
 
 
