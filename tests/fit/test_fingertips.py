@@ -145,7 +145,7 @@ def test_pad_contacts_are_found_and_improve_the_pads(person: Person) -> None:
     """In the opposition task contacts of every finger are found, in the range-of-motion task hardly any. They
     bring the fitted pads closer together: a contact determines the pads' relative position only.
     """
-    drawn, poses = recorded(person.drawn.hand, "opposition", seed=6, field_distortion=0.0)
+    drawn, poses = recorded(person.drawn.name.hand, "opposition", seed=6, field_distortion=0.0)
     other = Person(person.tips, drawn, poses)
     contacts = find_contacts(person.tips, poses)
     fingers = [contact.digits[1] for contact in contacts]
