@@ -304,7 +304,8 @@ def _sentence(error: Any) -> str:
     actual = "is empty" if instance is None else f"is {shorten(text, 100)}"
     if rule == "additionalProperties":
         keys = list(error.schema.get("properties", {}))
-        odd = sorted(str(key) for key in set(instance) - set(keys))
+        unknown = set(instance) - set(keys)
+        odd = sorted(key if isinstance(key, str) else json.dumps(key, default=str) for key in unknown)
         fault = f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{nearest(odd[0], keys)}"
     elif rule == "required":
         fault = f"the key {', '.join(repr(key) for key in value if key not in instance)} is missing"

@@ -31,6 +31,7 @@ def test_defaults_are_filled_in_at_every_level(tmp_path: Path) -> None:
     [
         ("joint: {}", "unknown key 'joint'; known are model, .*; did you mean 'joints'"),
         ("joints: {slover: closed}", "joints: unknown key 'slover'; .*; did you mean 'solver'"),
+        ("~: 1", "unknown key 'null'; known are model"),
         ("joints: {singular_values: 7}", r"joints\.singular_values: is 7; expected one of 5, 6$"),
         ("planes: {corrections: 1}", r"planes\.corrections: is 1; expected true or false$"),
         ("planes: {parallel_limit_deg: 91}", r"planes\.parallel_limit_deg: is 91; expected at most 90$"),
