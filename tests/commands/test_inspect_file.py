@@ -266,6 +266,20 @@ def test_a_receiver_column_is_known_by_its_rows(
         np.testing.assert_allclose(samples.time_s[mine], np.arange(FRAMES) / 120, atol=1e-4)
 
 
+@pytest.mark.parametrize("titles", [["Time", "phase"], ["Frame", "Sub Frame"]])
+def test_a_counter_beside_the_receivers_columns_names_no_receiver(run: Run, titles: list[str]) -> None:
+    """It takes turns like receivers in a long table, where however the rows of a frame have a time in common."""
+    poses = [f"{name}_{part}" for name in ("hand", "forearm") for part in ("x", "y", "z", "az", "el", "ro")]
+    angles = 10.0 + 100.0 * PLACE
+    at = np.arange(FRAMES)
+    clock = at / 240 if titles[0] == "Time" else at // 4
+    numbers = np.column_stack([clock, at % 4, 1000 * PLACE, angles, 900 * PLACE, angles])
+    run.drafted(run.table("wide.csv", ",".join([*titles, *poses]), numbers, ","))
+    draft = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert [*draft["receivers"]] == ["hand", "forearm"]
+    assert draft["csv"]["rows"] == "wide"
+
+
 def test_angles_about_axes_are_told_from_positions_by_a_letter(run: Run) -> None:
     """Each receiver has x, y, z and rx, ry, rz; a line of units, most of them empty, follows the titles."""
     titles = [f"{name}_{axis}" for name in ("hand", "forearm") for axis in ("x", "y", "z", "rx", "ry", "rz")]

@@ -67,7 +67,7 @@ _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
 _RECEIVER = re.compile(r"child_frame_id|receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
 _ASIDE = re.compile(
-    r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
+    r"quality|error|dist(ortion)?$|sub_?frame|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
     r"|veloc|omega|(hours?|minutes?|date|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
     r"|(id|index|count|port)(_?\d+)?$)"
 )
@@ -159,24 +159,25 @@ def find_roles(
     counts = [t for t in clocklike if (numbers[t] == np.floor(numbers[t])).all()]
     frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
-    named_so = [t for t in titles if _RECEIVER.search(t) and not re.search("stat[eu]", t, re.I)]
-    possible = [] if wide else [t for t in named_so if t not in (time, frame)]
-    receiver = next((t for t in possible if t not in numbers or _few_wholes(numbers[t])), None)
-    clock = numbers.get(time or frame or "", np.zeros(1))
-    turns = [t for t in titles if t in stations and not wide and _take_turns(stations[t], clock)]
-    turns = [t for t in turns if t not in (time, frame)]
-    guessed = {*turns[:1]} if receiver is None else set()
-    receiver = receiver or next(iter(guessed), None)
+    possible = [] if wide else [t for t in titles if t not in (time, frame)]
+    named_so = [t for t in possible if _RECEIVER.search(t) and not re.search("stat[eu]", t, re.I)]
+    receiver = next((t for t in named_so if t not in numbers or _few_wholes(numbers[t])), None)
+    guessed: set[str] = set()
+    if receiver is None:
+        # a counter takes turns, too, but only rows of different receivers have times or frames in common
+        in_common = any(len(np.unique(numbers[t])) <= len(numbers[t]) / 2 for t in clocklike)
+        turns = [t for t in possible if t in words or (t in coded and (in_common or t == titles[0]))]
+        clock = numbers.get(time or frame or "", np.zeros(1))
+        receiver = next((t for t in turns if _take_turns(stations[t], clock)), None)
+        guessed = {receiver} if receiver else set()
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, nanoseconds, frame, receiver)]
     free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
     growing = [t for t in free if (receiver and t in clocklike) or (np.diff(numbers[t]) > 0).all()]
     if time is None and growing == left[: len(growing)]:  # the only increasing columns, and the first
-        if frame is None:
-            repeated = [
-                t for t in growing if not receiver or (np.diff(numbers[t]) <= 0).any()
-            ]  # no row number
-            frame = next((t for t in repeated if t in counts and median_step(numbers[t]) == 1), None)
+        if frame is None:  # in a long table, a column that grows in every row numbers the rows
+            frames = [t for t in growing if not receiver or (np.diff(numbers[t]) <= 0).any()]
+            frame = next((t for t in frames if t in counts and median_step(numbers[t]) == 1), None)
         timed = [t for t in growing if t not in counts] or [t for t in growing if t != frame]
         if len(timed) <= 1:
             time, left = next(iter(timed), None), left[len(growing) :]
