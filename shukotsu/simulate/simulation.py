@@ -294,6 +294,8 @@ def _check_arguments(name: RecordingName, seed: int, n_frames: int | None) -> in
         raise InputError(f"hand {name.hand!r} is not known; expected right or left")
     if name.task not in TASK_FRAMES:
         raise InputError(f"task {name.task!r} is not known; expected one of {', '.join(TASK_FRAMES)}")
+    if name.trial:
+        raise InputError(f"trial {name.trial!r}: a simulated task has no trials; expected none")
     if seed < 0:
         raise InputError(f"seed {seed} is negative; expected 0 or more")
     if n_frames is not None and n_frames < 2:

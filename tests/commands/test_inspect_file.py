@@ -268,7 +268,7 @@ def test_a_receiver_column_is_known_by_its_rows(
 
 @pytest.mark.parametrize("titles", [["Time", "phase"], ["Frame", "Sub Frame"]])
 def test_a_counter_beside_the_receivers_columns_names_no_receiver(run: Run, titles: list[str]) -> None:
-    """It takes turns like receivers in a long table, where however the rows of a frame have a time in common."""
+    """It takes turns, too, but no rows have their frame or time in common as those of a long table have."""
     poses = [f"{name}_{part}" for name in ("hand", "forearm") for part in ("x", "y", "z", "az", "el", "ro")]
     angles = 10.0 + 100.0 * PLACE
     at = np.arange(FRAMES)

@@ -76,14 +76,15 @@ def test_the_truth_is_the_mean_centre_in_the_receivers_frames(side: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("hand", "task", "seed", "n_frames", "reason"),
+    ("name", "seed", "n_frames", "reason"),
     [
-        ("both", "rom", 1, 10, "hand 'both'"),
-        ("left", "juggling", 1, 10, "task 'juggling'"),
-        ("left", "rom", -1, 10, "seed -1"),
-        ("left", "rom", 1, 1, "1 frame is"),
+        (RecordingName("01", "both", "rom"), 1, 10, "hand 'both'"),
+        (RecordingName("01", "left", "juggling"), 1, 10, "task 'juggling'"),
+        (RecordingName("01", "left", "rom", trial="2"), 1, 10, "trial '2'"),
+        (RecordingName("01", "left", "rom"), -1, 10, "seed -1"),
+        (RecordingName("01", "left", "rom"), 1, 1, "1 frame is"),
     ],
 )
-def test_unusable_arguments_are_refused(hand: str, task: str, seed: int, n_frames: int, reason: str) -> None:
+def test_unusable_arguments_are_refused(name: RecordingName, seed: int, n_frames: int, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        simulate(RecordingName("01", hand, task), seed, EXACT, n_frames)
+        simulate(name, seed, EXACT, n_frames)
