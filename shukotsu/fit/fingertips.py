@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 
-from shukotsu.arrays import Float
 from shukotsu.errors import InputError
 from shukotsu.fit.chain_builder import bone, receiver
 from shukotsu.fit.fit import HandFit
@@ -92,8 +91,12 @@ class Fingertips:
 
     @cached_property
     def root(self) -> Array:
-        """Square root of the covariance."""
-        return square_root(self.covariance)
+        """Square root L of the covariance, L L^T = covariance; negative eigenvalues are rounding errors."""
+        try:
+            return np.asarray(np.linalg.cholesky(self.covariance), float)
+        except np.linalg.LinAlgError:
+            values, vectors = np.linalg.eigh(self.covariance)
+            return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def __getitem__(self, digit: str) -> Fingertip:
         """Return the fingertip of a digit; raise InputError if it has none."""
@@ -124,24 +127,6 @@ class Fingertips:
             point = {BONE: tip.point_mm, TIP: tip.soft_tip_mm, PAD: tip.pad_mm}[part]
             out[ok, i] = poses.position_mm[ok, column] + rotate(poses.quaternion[ok, column], point)
         return out
-
-
-def square_root(covariance: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """Compute a square root of a covariance by its eigenvectors.
-
-    Parameters
-    ----------
-    covariance : array, shape (n, n)
-        Symmetric; negative eigenvalues, which are rounding errors, are set to zero.
-
-    Returns
-    -------
-    array, shape (n, n)
-        L with L L^T = covariance.
-
-    """
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def fingertips(fit: HandFit) -> Fingertips:

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from shukotsu.fit.chain_builder import KINDS, bone
 from shukotsu.fit.compiled_equations import reach, reduce
-from shukotsu.fit.fingertips import Fingertips, square_root
+from shukotsu.fit.fingertips import Fingertips
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.fit.normal_equations import Frames, Point
 from shukotsu.fit.operations import Branch, Index
@@ -155,18 +155,18 @@ def posed_errors(
         }
     neutral_deg = _neutral_sd_deg(tips)
     fit = tips.fit
+    root_t = tips.root[: len(fit.posterior.x)].T
     put_on = np.isin(fit.model.unknowns.groups, PUT_ON)
-    root = tips.root[: len(fit.posterior.x)]
-    anew = new_in_a_session(root, fit.problem.precision, put_on, _NEW_SHARE)
+    due_to_prior = fit.problem.precision * np.where(put_on, 1.0 - _NEW_SHARE, -_NEW_SHARE)
     changes_deg, session_deg, session_changes_deg = (dict[str, Array]() for _ in range(3))
     for joint, by_hand in few.by_hand_deg.items():
         # a change has the frame's error, and the hand's as far as it differs from the reference's
         of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
-        changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
-        changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + changed))
-        in_session = _times(by_hand, anew)
-        session_deg[joint] = _norms(in_session)
-        session_changes_deg[joint] = _norms(in_session - reference_deg[joint] @ anew)
+        change, by_prior = by_hand - reference_deg[joint], _times(by_hand, root_t)
+        changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + (change**2).sum(-1)))
+        session_deg[joint] = _session_sd(by_hand, by_prior, due_to_prior)
+        by_prior -= reference_deg[joint] @ root_t
+        session_changes_deg[joint] = _session_sd(change, by_prior, due_to_prior)
 
     def of_all(values: Array) -> Array:
         out = np.full((len(posed.posed), *values.shape[1:]), np.nan)
@@ -213,32 +213,31 @@ def _wander_deg(postures: Postures, joint: str) -> Array:
     return out
 
 
-def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
-    """Compute a square root of the covariance that is independent between two sessions of one hand.
+def _session_sd(maps: Array, by_prior: Array, due_to_prior: Array) -> Array:
+    """Compute the sd of the part of errors that is independent between two sessions of one hand.
 
-    The covariance C of the unknowns has two parts: C L C, due to priors with precisions L, and the rest, due
-    to residuals. Independent between sessions are the first part for unknowns that describe how receivers
-    were put on, and a share of the second part.
+    The covariance C = R R^T of the unknowns has two parts: C L C, due to priors with precisions L, and the
+    rest, due to residuals. Independent between sessions are the first part for unknowns that describe how
+    receivers were put on, and a share of the second part. An error with the map b has the variance b b^T, of
+    which b R^T L R b^T is due to priors.
 
     Parameters
     ----------
-    root : array, shape (G, H)
-        Square root of C.
-    precision : array, shape (G,)
-        Precision of the unknowns' priors.
-    put_on : array of bool, shape (G,)
-        Which unknowns describe how receivers were put on.
-    new_share : float
-        Share of the part due to residuals that is independent.
+    maps : array, shape (..., H)
+        Maps b of the errors, in the coordinates of the columns of R.
+    by_prior : array, shape (..., G)
+        The same maps times R^T.
+    due_to_prior : array, shape (G,)
+        Precisions L, weighted such that their part and the share of all variance add up to the result.
 
     Returns
     -------
-    array, shape (H, H)
-        Square root in the coordinates of the columns of `root`.
+    array, shape (...)
+        Standard deviations, in the unit of the errors.
 
     """
-    pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
-    return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
+    variance = _NEW_SHARE * (maps**2).sum(-1) + by_prior**2 @ due_to_prior
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _norms(maps: Array) -> Array:
