@@ -14,8 +14,9 @@ from shukotsu.errors import InputError
 from shukotsu.export.delimited_text import write_rows
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.digests import file_sha256
 from shukotsu.tables.typed_table import Table, read_row_groups
-from shukotsu.tables.whole_files import file_sha256, write_text
+from shukotsu.tables.whole_files import write_text
 
 FOLDER = "tables"
 _TYPES = {

@@ -42,9 +42,9 @@ from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
 from shukotsu.tables.device_clock import nominal_rate_hz
+from shukotsu.tables.digests import file_sha256
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tables.subjects import SubjectSession, path_token
-from shukotsu.tables.whole_files import file_sha256
 
 BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """Quaternion (4,) from a bone's WebXR frame to its frame in our tables: q_webxr = q_bone * BONE_TO_WEBXR."""

@@ -17,10 +17,10 @@ from shukotsu.errors import InputError, guess, list_names, reading_user_tables
 from shukotsu.movement.event_files import FARTHEST_S, Events, read_markers, read_midi, read_tracker_events
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.digests import file_sha256
 from shukotsu.tables.parts import Part
 from shukotsu.tables.poses import recording_name, usable_poses
 from shukotsu.tables.typed_table import open_table, read_metadata
-from shukotsu.tables.whole_files import file_sha256
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import ClocksRow, EventsRow

@@ -34,7 +34,7 @@ from shukotsu.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BON
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.verdict import UNJUDGED
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
-from shukotsu.tables.parquet_files import store_digest
+from shukotsu.tables.digests import store_digest
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.typed_table import Column, Provenance, columns_from_rows, vector_columns, write_table
 from shukotsu.tables.whole_files import replacing

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from shukotsu.errors import InputError
 from shukotsu.study.config_files import config_path, read_config
-from shukotsu.tables.whole_files import file_state
+from shukotsu.tables.digests import file_state
 
 Vector = tuple[float, float, float]
 Entries = dict[str, dict[str, Any]]

@@ -10,7 +10,7 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.study.config_files import config_path, read_config
-from shukotsu.tables.whole_files import file_state
+from shukotsu.tables.digests import file_state
 
 
 @dataclass(frozen=True)

@@ -8,65 +8,18 @@ the file, but does not protect page headers and the footer with its statistics a
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.tables import limits, text_files, whole_files
+from shukotsu.tables import digests, limits, text_files, whole_files
 
-_MARK = b"SHUKOTSU SHA-256"
-_DIGEST_BYTES = 32
-_PIECE_BYTES = 1 << 20
 _VALUE_BYTES = 8
-_END_BYTES = 8
-"""Length of the footer's size field and of the letters that end every Parquet file."""
-
-
-def store_digest(path: Path) -> None:
-    """Insert the digest of a finished Parquet file; the file remains readable by any program."""
-    with path.open("r+b") as stream:
-        footer_at = _footer_at(stream)
-        stream.seek(0)
-        digest = hashlib.file_digest(stream, "sha256").digest()
-        stream.seek(footer_at)
-        footer = stream.read()
-        stream.seek(footer_at)
-        stream.write(_MARK + digest + footer)
-
-
-@lru_cache(maxsize=4096)
-def _digest_holds(path: Path, *_: int) -> bool | None:
-    """Return whether a file matches its digest; None if it has no digest. Cached by the file's state."""
-    with path.open("rb") as stream:
-        footer_at = _footer_at(stream)
-        stored_at = footer_at - len(_MARK) - _DIGEST_BYTES
-        if stored_at < 0:
-            return None
-        stream.seek(stored_at)
-        if stream.read(len(_MARK)) != _MARK:
-            return None
-        stored = stream.read(_DIGEST_BYTES)
-        digest = hashlib.sha256()
-        stream.seek(0)
-        while left := stored_at - stream.tell():
-            digest.update(stream.read(min(left, _PIECE_BYTES)))
-        stream.seek(footer_at)
-        digest.update(stream.read())
-    return digest.digest() == stored
-
-
-def _footer_at(stream: BinaryIO) -> int:
-    """Return the start of the footer by the file's last bytes; in a damaged file it may be any number."""
-    end = stream.seek(0, 2)
-    stream.seek(max(0, end - _END_BYTES))
-    return end - _END_BYTES - int.from_bytes(stream.read(4), "little")
 
 
 def open_parquet(path: Path, expected: str, remedy: str = "", buffer_size: int = 0) -> pq.ParquetFile:
@@ -95,7 +48,7 @@ def open_parquet(path: Path, expected: str, remedy: str = "", buffer_size: int =
     try:
         with text_files.reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             limits.check_regular(path, expected)
-            if _digest_holds(path, *whole_files.file_state(path)) is False:
+            if digests.digest_holds(path) is False:
                 raise ValueError("its checksum does not match")
             file = pq.ParquetFile(
                 path,
@@ -122,11 +75,6 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
         raise TableError(f"{path}: {what} ({reason}); {remedy or whole_files.remedy_of(path)}") from damage
 
 
-def is_sealed(path: Path) -> bool:
-    """Return whether a file has a digest; that it matches is checked when the file is opened."""
-    return _digest_holds(path, *whole_files.file_state(path)) is not None
-
-
 def column_ends(
     path: Path, file: pq.ParquetFile, group: int, column: int, *, sealed: bool, nullable: bool
 ) -> tuple[Any, Any] | None:
@@ -145,7 +93,7 @@ def column_ends(
     group, column : int
         Indices of the row group and the column.
     sealed : bool
-        Whether the file has a digest, see `is_sealed`.
+        Whether the file has a digest (`digest_holds`).
     nullable : bool
         Whether the column may have nulls.
 

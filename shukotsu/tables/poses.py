@@ -19,11 +19,11 @@ import numpy.typing as npt
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.digests import file_state
 from shukotsu.tables.limits import FARTHEST_MM
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import TableFile, column_array, open_table, read_metadata
-from shukotsu.tables.whole_files import file_state
 
 BLOCK_FRAMES = 1 << 16
 

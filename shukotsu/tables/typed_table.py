@@ -24,8 +24,9 @@ import pyarrow.parquet as pq
 from shukotsu.arrays import Array
 from shukotsu.errors import InputError, TableError
 from shukotsu.resources import PROGRAM, VERSION
-from shukotsu.tables.parquet_files import column_ends, is_sealed, naming_damage, open_parquet, store_digest
-from shukotsu.tables.whole_files import file_sha256, files_in, replacing
+from shukotsu.tables.digests import digest_holds, file_sha256, store_digest
+from shukotsu.tables.parquet_files import column_ends, naming_damage, open_parquet
+from shukotsu.tables.whole_files import files_in, replacing
 
 METADATA_KEY = b"shukotsu"
 """Key of the schema-level metadata, a JSON object, for programs that drop Arrow's field metadata."""
@@ -215,7 +216,7 @@ class TableFile:
     def _sealed(self) -> bool:
         """Whether the file has a digest; cached, as `ends` is called thousands of times."""
         with naming_damage(self.path):
-            return is_sealed(self.path)
+            return digest_holds(self.path) is not None
 
     def read(self, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
         """Read columns of row groups.

@@ -1,4 +1,4 @@
-"""Write files atomically, and identify files by their bytes."""
+"""Write files atomically."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 from pathlib import Path
 
 from shukotsu.errors import InputError, StorageError
@@ -94,24 +93,3 @@ def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 text file with line feeds atomically."""
     with replacing(path) as temporary:
         temporary.write_text(text, "utf-8", newline="\n")
-
-
-def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes, read in pieces and cached by the file's state."""
-    return _sha256(path, *file_state(path))
-
-
-def file_state(path: Path) -> tuple[int, int, int, int, int]:
-    """Return numbers that change whenever a file changes: device, inode, size, mtime and ctime in ns.
-
-    The ctime can only be set by the system, so it reveals a change after which the other numbers were
-    restored.
-    """
-    status = path.stat()
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
-
-
-@lru_cache(maxsize=4096)
-def _sha256(path: Path, *_: int) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from shukotsu.errors import InputError
 from shukotsu.resources import IN_CHECKOUT, ROOT, VERSION
-from shukotsu.tables.whole_files import file_sha256, file_state, write_text
+from shukotsu.tables.digests import file_sha256, file_state
+from shukotsu.tables.whole_files import write_text
 
 CACHE = Path(".snakemake", "shukotsu-files.json")
 

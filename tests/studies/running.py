@@ -20,9 +20,9 @@ from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
 from shukotsu.study.results import Results
 from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.digests import file_sha256
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import read_table, rows_of
-from shukotsu.tables.whole_files import file_sha256
 from shukotsu.workflow import warm_process
 
 SHORT_FIT = """model: fitted
