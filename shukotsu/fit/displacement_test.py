@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -495,8 +495,9 @@ class Eliminated:
         return np.asarray(solve_triangular(self.lower, by_x.reshape(-1, len(self.lower)).T, lower=True))
 
     @classmethod
+    @lru_cache(maxsize=1)
     def of(cls, problem: Problem, point: Point) -> Eliminated:
-        """Eliminate states, roots and the hand's unknowns at a point.
+        """Eliminate states, roots and the hand's unknowns at a point; cached, as two tests use one point.
 
         Parameters
         ----------

@@ -161,7 +161,8 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Disturbance, float]
     if not valid.any():  # such as centimetres read as millimetres
         return none, 0.0
     frames = replace(problem.frames, valid=valid)
-    problem = replace(problem, frames=frames)
+    if (valid != problem.frames.valid).any():
+        problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])
     share = np.stack([field.share(frames.position_mm) for field in tried], -1)
     slope, curvature = _by_amounts(problem, point, np.concatenate([share, _room(frames)], -1))

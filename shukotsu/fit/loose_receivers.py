@@ -328,7 +328,9 @@ def _search(
     problem: Problem, point: Point, displaced: list[Displacement], tested: Tested
 ) -> tuple[Point, list[Displacement]]:
     """Find all displacements of the tested receivers, each after correcting for the previous ones."""
-    corrected = replace(problem, frames=_certain(_put_back(problem.frames, displaced), displaced))
+    corrected = problem
+    if displaced:
+        corrected = replace(problem, frames=_certain(_put_back(problem.frames, displaced), displaced))
     for _ in range(MOST_MOVED if tested.calibrated else MOST_DISPLACEMENTS):
         rivals = tested.scored(corrected, point).rivals()
         if not rivals:
