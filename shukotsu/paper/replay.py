@@ -159,7 +159,7 @@ def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
 
 
 def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
-    """Compute the statistics of the paper's tables over all finite errors.
+    """Compute statistics over all finite errors: those of the paper's tables, the median and a percentile.
 
     Parameters
     ----------
@@ -169,8 +169,8 @@ def error_statistics(error_mm: Float[Array, " T"]) -> TipErrorsRow:
     Returns
     -------
     dict
-        Columns of tip_errors: maximum, minimum, mean, SD (divisor n), median and 95th percentile, mm, and
-        their number of frames.
+        Columns of tip_errors, mm: maximum, minimum, mean and SD (divisor n), as in the paper; median and 95th
+        percentile, which the paper does not have; and the number of frames.
 
     """
     known_mm = error_mm[np.isfinite(error_mm)]

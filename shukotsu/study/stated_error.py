@@ -18,9 +18,6 @@ CHI_SQUARE_95 = 7.815
 NORMAL_95 = 1.645
 """95th percentile of the standard normal distribution."""
 
-BALL_95 = 1.614
-"""sqrt(CHI_SQUARE_95 / 3): 95 % radius of an isotropic error in 3-D as a multiple of its 1-sigma size."""
-
 _LEAST_SHARE = 1e-9
 """Variances below this share of the largest one are attributed to rounding."""
 

@@ -144,3 +144,13 @@ def test_the_protocol_lists_every_movement_of_the_calibration_page() -> None:
     assert len(headings) == 12
     for heading in headings:
         assert heading.lower().replace("thumb, joint by joint", "thumb mcp joint, then ip joint") in protocol
+
+
+def test_names_in_the_tables_of_the_architecture_exist() -> None:
+    """Where `functions` stand before (`a/file.py`), as in the way of a number, the file defines them."""
+    named = re.findall(r"((?:`[\w.]+`,? )+)\(`([\w/]+\.py)`\)", text_of("architecture.md"))
+    assert len(named) > 60
+    for names, file in named:
+        source = (DOCS.parent / file).read_text("utf-8")
+        for name in re.findall(r"\w+", names):
+            assert re.search(rf"^(?: *(?:def|class) |(?:\w+, )*){name}\b", source, re.MULTILINE), (file, name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shukotsu.study.stated_error import BALL_95, halves_mm2, is_within_95, radius_95_mm
+from shukotsu.study.stated_error import CHI_SQUARE_95, halves_mm2, is_within_95, radius_95_mm
 
 
 @pytest.mark.slow
@@ -18,7 +18,7 @@ def test_95_percent_of_errors_are_inside_for_any_shape(sds: tuple[float, ...]) -
     radius = radius_95_mm(covariance)
     assert np.mean([is_within_95(each, covariance) for each in off]) == pytest.approx(0.95, abs=0.005)
     assert np.mean(np.linalg.norm(off, axis=1) <= radius) == pytest.approx(0.95, abs=0.005)
-    assert BALL_95 * 0.99 < radius / np.linalg.norm(sds) < 1.96
+    assert 0.99 * np.sqrt(CHI_SQUARE_95 / 3) < radius / np.linalg.norm(sds) < 1.96
 
 
 def test_an_error_without_a_covariance_is_not_judged() -> None:
