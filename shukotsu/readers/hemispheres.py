@@ -19,7 +19,8 @@ from shukotsu.arrays import Array, Integers
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import matrix, unit
-from shukotsu.readers.jumps import Links, OwnSides, PosesOf, ReceiverPoses, solve_centre, solve_centres
+from shukotsu.readers.breaks import Links, PosesOf, ReceiverPoses, solve_centre, solve_centres
+from shukotsu.readers.jumps import OwnSides
 from shukotsu.study.layout import Layout
 
 LONGEST_LEVER_MM = 600.0

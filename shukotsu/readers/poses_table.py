@@ -19,8 +19,8 @@ import numpy as np
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError
 from shukotsu.readers import segment_rows
+from shukotsu.readers.breaks import Links, PosesOf, ReceiverPoses, breaks, exchanges
 from shukotsu.readers.hemispheres import sides
-from shukotsu.readers.jumps import Links, PosesOf, ReceiverPoses, breaks, exchanges
 from shukotsu.readers.samples import Locate, Samples, unwrapped_frames
 from shukotsu.readers.segment_rows import BIT, RowFile, Rows, SegmentSummary, are_complete, are_usable
 
