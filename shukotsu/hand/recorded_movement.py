@@ -152,13 +152,30 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
         reasons.append(
             "the model states no errors of its angles, which include the mounting of the receivers"
         )
-        still = reader.model.metacarpals.unmeasured in ("rest", "rigid")
-        if still and not reader.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
-            reasons.append(
-                "the model keeps the metacarpal fixed in the hand, so the MCP joint's angles include the CMC "
-                "joint's motion"
-            )
+        if joint == digit.joints[1] and _assumed_pose(reader, digit) == "rigid":
+            reasons.append(f"{_FIXED}, so the MCP joint's angles include the CMC joint's motion")
     return status, join_reasons(reasons)
+
+
+_FIXED = "the model keeps the metacarpal fixed in the hand"
+
+_NO_ANGLES = {
+    "rigid": (1, _FIXED),
+    "rest": (
+        2,
+        "the model keeps the metacarpal's direction in the transmitter frame, so its joints' angles would "
+        "include the hand's rotation",
+    ),
+}
+"""By the pose that a model assumes for metacarpals without a receiver: the number of joints of such a digit,
+from the base, whose angles are assumed instead of measured, and the reason."""
+
+
+def _assumed_pose(reader: RecordingReader, digit: Digit) -> str:
+    """Return the pose that the model assumes for the digit's metacarpal; "" if data determine it."""
+    measured = reader.is_fitted or reader.layout.segments[digit.segments[0]].measured
+    assumed = reader.model.metacarpals.unmeasured
+    return "" if measured or assumed not in _NO_ANGLES else assumed
 
 
 def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
@@ -214,6 +231,11 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
         for name in left_out
         for joint in layout.digits[name].joints
     }
+    for digit in layout.digits.values():
+        count_of_joints, reason = _NO_ANGLES.get(_assumed_pose(reader, digit), (0, ""))
+        for joint in digit.joints[:count_of_joints]:
+            if angles.pop(joint, None) is not None:
+                unposed[joint] = reason
     pathless = {
         name: reader.unmeasured(digit.joints[-1]) or left_out.get(name, "")
         for name, digit in layout.digits.items()
