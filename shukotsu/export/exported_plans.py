@@ -85,6 +85,9 @@ def _export_recording(
     if motion is None:
         yield stem, trouble
         return
+    if suspect := [each.title for each in plan.suspect if each.hand == recording.hand]:
+        reason = f"there are findings on {', '.join(suspect)}"
+        motion = motion.noting(f"the report leaves this hand out of its statistics: {reason}")
     for note in motion.notes:
         print(f"note: {note}", file=sys.stderr)
     for name in formats:

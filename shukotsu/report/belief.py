@@ -47,15 +47,15 @@ _DOUBT_TEXTS: Mapping[str, str] = {
         "receivers, or a receiver far from the middle of its bone"
     ),
     verdict.HALVES: N_(
-        "its receivers disagree by {gap_mm:.0f} mm, more than the stated error explains: a loose receiver, "
+        "the receivers disagree by {gap_mm:.0f} mm, more than the stated error explains: a loose receiver, "
         "a wrong quaternion order or angle convention, or thick skin"
     ),
     verdict.TOO_CLOSE: str(PROBLEMS[verdict.TOO_CLOSE]),
-    verdict.UNCERTAIN: N_("its error exceeds {wanted_mm:g} mm (1 sigma, 3-D)"),
+    verdict.UNCERTAIN: N_("the error exceeds {wanted_mm:g} mm (1 sigma, 3-D)"),
     verdict.ONE_WAY: N_(
-        "its error exceeds {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
+        "the error exceeds {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
     ),
-    verdict.BY_ANATOMY: N_("its position comes from anatomy rather than from the recording"),
+    verdict.BY_ANATOMY: N_("the position comes from anatomy rather than from the recording"),
     verdict.MOVED_LITTLE: N_("moved only {range_deg:.0f} deg; skin motion alone can cause this"),
     verdict.NO_POSE: N_("no valid pose of {segments}: estimated from anatomy and the other receivers"),
     verdict.ONE_RECEIVER: N_("no receiver on {segments}: estimated from bone lengths"),
@@ -65,13 +65,13 @@ _DOUBT_TEXTS: Mapping[str, str] = {
         "data do not show the error that this causes"
     ),
     verdict.AXIS_IN_PLANE: N_(
-        "its axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "
+        "the axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "
         "{slide_mm:.0f} mm along the axis"
     ),
     verdict.BY_HAND: N_("moved {correction_mm:.1f} mm by hand; the stated error does not include this move"),
     verdict.FROM_DOUBTFUL: N_("derived from joints that are not believed: {joints}"),
-    verdict.NO_ERROR: N_("no error is stated for its position"),
-    verdict.AXIS: N_("its axis is uncertain by {axis_sd_deg:.0f} deg"),
+    verdict.NO_ERROR: N_("no error is stated for the position"),
+    verdict.AXIS: N_("the axis is uncertain by {axis_sd_deg:.0f} deg"),
 }
 """Sentence about a joint for each kind of doubt."""
 

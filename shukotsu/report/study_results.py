@@ -117,7 +117,12 @@ class StudyResults(HasRecordings):
     @cached_property
     def suspect(self) -> frozenset[Hand]:
         """Hands with a suspect finding; they are shown but excluded from all statistics."""
-        return frozenset(hand_of(row) for row in self.rows.problems if row["severity"] == SUSPECT)
+        return frozenset(map(hand_of, self.suspect_rows))
+
+    @cached_property
+    def suspect_rows(self) -> list[row_types.ProblemsRow]:
+        """Findings that make a hand suspect."""
+        return [row for row in self.rows.problems if row["severity"] == SUSPECT]
 
     def counted(self, rows: list[RowType]) -> list[RowType]:
         """Return the rows of hands that are not suspect, which statistics include."""

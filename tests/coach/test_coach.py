@@ -58,7 +58,7 @@ def test_it_asks_for_a_movement_checks_it_and_lists_every_joint() -> None:
     joints = [line for line in lines if line[:1] != " "]
     assert len(joints) == 15
     assert any(line.startswith("index_pip") and "believe" in line for line in joints)
-    assert any(line.startswith("thumb_cmc") and "care     its error exceeds" in line for line in joints)
+    assert any(line.startswith("thumb_cmc") and "care     the error exceeds" in line for line in joints)
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 

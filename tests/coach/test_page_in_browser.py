@@ -34,7 +34,7 @@ def test_the_page_shows_hand_joints_and_advice_and_refreshes(
     assert watched_page.value("document.querySelector('meta[http-equiv=refresh]')") is None
     assert watched_page.value("document.querySelectorAll('svg path').length") > 12
     cells = watched_page.value("[...document.querySelectorAll('tbody tr')].map(row => row.innerText)")
-    assert any("thumb_cmc" in row and "with care" in row and "its error exceeds" in row for row in cells)
+    assert any("thumb_cmc" in row and "with care" in row and "the error exceeds" in row for row in cells)
     assert coach.summary() in watched_page.value("document.body.innerText")
     assert watched_page.value("document.documentElement.scrollWidth <= innerWidth")
     assert list(tmp_path.iterdir()) == [path]

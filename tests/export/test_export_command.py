@@ -13,8 +13,9 @@ from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand, sim
 from stage_runs import collect_exports
 from stage_runs import export as main
 
-from shukotsu.tables.catalogue import BONE_POSES, POSED_TIPS
+from shukotsu.tables.catalogue import BONE_POSES, FINDINGS, POSED_TIPS
 from shukotsu.tables.poses import NUMBERS
+from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
 STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 
@@ -135,6 +136,18 @@ def test_a_failed_model_does_not_prevent_exports_of_others(
     assert (out / f"{STEM.replace(FITTED, REPLAYED)}.bvh").is_file()
     assert run(fresh, out, model=f"{FITTED},{REPLAYED}") == 2
     assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
+
+
+def test_exports_of_a_hand_with_findings_state_that_there_are_some(
+    fresh: SimulatedHand, tmp_path: Path
+) -> None:
+    finding = {"kind": "units", "severity": "suspect", "variant": "", "values": "", "accepted": ""}
+    row = {**fresh.plan.recordings[0].key, **finding, "message": "in m"}
+    findings = fresh.plan_path.with_name("findings.parquet")
+    write_table(findings, FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
+    assert run(fresh, tmp_path) == 0
+    note = (tmp_path / f"{STEM}.bvh.txt").read_text("utf-8")
+    assert "leaves this hand out of its statistics: there are findings on " in note
 
 
 @pytest.mark.slow

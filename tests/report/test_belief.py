@@ -71,12 +71,12 @@ def _with_changed_row(results: StudyResults, model: str, joint: str, **changes: 
     [
         ({}, BELIEVED, ""),
         ({"message": "a note."}, BELIEVED, "a note"),
-        ({"sd_mm": 2.01}, CARE, "its error exceeds 2 mm (1 sigma, 3-D)"),
-        ({"sd_mm": None}, CARE, "no error is stated for its position"),
+        ({"sd_mm": 2.01}, CARE, "the error exceeds 2 mm (1 sigma, 3-D)"),
+        ({"sd_mm": None}, CARE, "no error is stated for the position"),
         (
             {"range_deg": 3.2, "sd_mm": 7.0},
             NOT,
-            "moved only 3 deg; skin motion alone can cause this; its error exceeds 2 mm (1 sigma, 3-D)",
+            "moved only 3 deg; skin motion alone can cause this; the error exceeds 2 mm (1 sigma, 3-D)",
         ),
         ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no position: no frames"),
     ],

@@ -15,9 +15,10 @@ from shukotsu.report.figures.drawing import page_pictures
 from shukotsu.report.figures.recording_figures import angle_looks, curve_panels, digit_rows, recording_text
 from shukotsu.report.movement_results import recording_curves, why_no_curves
 from shukotsu.report.palette import MARK_PATHS
+from shukotsu.report.provenance import faults_listed
 from shukotsu.report.recording_results import ModelResults, RecordingResults
 from shukotsu.report.skeleton_tables import measured_table
-from shukotsu.report.study_results import StudyResults, task_title
+from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import Folded, Link, PageColumn, number, title
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import NumberBlock, view_of
@@ -70,6 +71,9 @@ def recording_page(results: RecordingResults) -> str:
         tables_at=f"../../../{quote(results.study.paths.subject(*results.recording.hand.who).name)}/",
         study=results.study.name,
         facts=", ".join(facts),
+        problems=faults_listed(
+            [row for row in results.study.suspect_rows if hand_of(row) == results.recording.hand]
+        ),
         said=translated(row["message"]) if motion is not None else "",
         trouble=translated(results.trouble),
         left_out={model: translated(reason) for model, reason in results.left_out.items()},

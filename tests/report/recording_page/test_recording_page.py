@@ -10,6 +10,7 @@ from report_samples.pages import read_page, table_called
 
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.recording_results import read_recording
+from shukotsu.study.findings import STAGE
 from shukotsu.study.model import read_model
 from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS
 
@@ -76,6 +77,17 @@ def test_a_recording_without_poses_has_a_page_with_the_reason(study: MadeStudy) 
     assert "There is no motion to show. opposition-A" in text
     assert "-left.csv: row 7, column x_mm: 'n/a' is <not> a number" in text
     assert "Right hand, same task" in text
+
+
+def test_the_page_of_a_hand_with_findings_states_them(study: MadeStudy, recorded: str) -> None:
+    results = study.recording_results()
+    row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
+    row |= {"severity": "suspect", "message": "in m", "accepted": "", "variant": "", "values": ""}
+    for hand, stated in (("right", True), ("left", False)):
+        doubted = replace(results, study=results.study.with_rows(problems=[row | {"hand": hand}]))
+        assert ("Problems and their cure" in recording_page(doubted)) == stated
+        assert ("subject S01, right hand, rom: in m" in text_of(recording_page(doubted))) == stated
+    assert "Problems and their cure" not in recorded
 
 
 def test_cycle_curves_are_shown_or_the_reason_for_their_absence(study: MadeStudy, recorded: str) -> None:
