@@ -77,8 +77,8 @@ def model_to_take(results: StudyResults) -> str:
     verdicts = [row["verdict"] for row in results.judging.rows.joint_centres if row["model"] == leading]
     if verdicts and verdict.BELIEVE not in verdicts:
         return tr(
-            "No joint can be believed, so no model is recommended: correct the problems listed below and in "
-            "the report, or record again following the protocol (docs/protocol.md)."
+            "No joint can be believed, so no model is recommended: correct the problems in the report, if it "
+            "lists any, or record again following the protocol (docs/protocol.md)."
         )
     judged = next((each for each in judged_models(results) if each.judges), None)
     if judged is None or leading not in judged.values:
@@ -284,7 +284,7 @@ def next_step(results: StudyResults) -> str:
 
     Actions are ranked by the sum, over the joints that they improve, of the error in excess of `wanted_mm`.
     """
-    if results.suspect:
+    if results.findings:
         return tr("Next: correct the mistakes found in the recordings, and run again.")
     missed_mm: dict[str, float] = defaultdict(float)
     served: dict[str, dict[str, None]] = defaultdict(dict)

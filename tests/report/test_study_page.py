@@ -114,7 +114,10 @@ def test_the_terminal_lists_doubts_and_the_most_helpful_next_step(fitted: StudyR
     believed = [row | {"verdict": "believe"} for row in fitted.rows.joint_centres]
     sure = fitted.with_rows(joint_centres=believed)
     assert (judged_models.care_line(sure), judged_models.next_step(sure)) == ("", "")
-    assert judged_models.next_step(_suspect(fitted, "left")).startswith("Next: correct the mistakes found")
+    suspect = _suspect(fitted, "left")
+    refused = [row | {"severity": "refused", "stage": "capture"} for row in suspect.rows.problems]
+    for faulty in (suspect, fitted.with_rows(problems=refused)):
+        assert judged_models.next_step(faulty).startswith("Next: correct the mistakes found")
 
     def doubted(*joints: str, **doubts: object) -> StudyResults:
         doubt = {"sd_mm": 5.0, "verdict": "care", **note_doubts(doubts)}
