@@ -244,7 +244,11 @@ class StudyFiles:
     def simulated_recording(self, wildcards: Wildcards) -> list[str]:
         """Return the file of a recording if the workflow simulates it, else an empty list."""
         recording = self._recording(wildcards)
-        return [path for path in [_relative(recording.source.file)] if path in self._made_for(recording)]
+        return [_relative(recording.source.file)] if self.is_simulated(recording) else []
+
+    def is_simulated(self, recording: Recording) -> bool:
+        """Return whether the workflow makes the recording's file."""
+        return _relative(recording.source.file) in self._made_for(recording)
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """Return the existing user files that a recording is read from, if Snakemake accepts their names."""
