@@ -79,9 +79,14 @@ def count_of(n: int, noun: str, verb: str = "") -> str:
 
 
 def list_names(names: Sequence[str], most: int = 8) -> str:
-    """List the first `most` names and the number of the others, or "none" if there is no name."""
+    """List the first `most` names and the number of the others, or "none" if there is no name.
+
+    The middle of long names is cut out unless two of them would then be the same.
+    """
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    short = (name if len(name) <= 40 else f"{name[:37]}..." for name in names[:most])
+    shown = names[:most]
+    short = [name if len(name) <= 40 else f"{name[:12]}...{name[-25:]}" for name in shown]
+    short = short if len({*short}) == len({*shown}) else [*shown]
     return (", ".join(short) or "none") + more
 
 

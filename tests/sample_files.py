@@ -19,7 +19,7 @@ from recording_files import write_c3d
 from simulated_poses import write_poses
 from tracker_streams import pose, settings
 
-from shukotsu.hand.rotations import matrix
+from shukotsu.hand.rotations import Array, matrix
 from shukotsu.simulate.recording import tidy
 from shukotsu.tables.poses import Poses
 
@@ -219,10 +219,11 @@ def _c3d() -> Recording:
     return Recording("a.c3d", bytes_of("a.c3d", lambda path: write_c3d(path, points, LABELS)), mapping)
 
 
-def _sequence() -> Recording:
+def sequence_of(segments: Sequence[str], poses: Array) -> Recording:
+    """Return a sequence file of the poses (T, S, 7) of receivers that have the names of their segments."""
     lines = ["ObjectType = Image"]
-    for frame, poses in enumerate(DRAWN):
-        for segment, numbers in zip(SEGMENTS, poses, strict=True):
+    for frame, of_frame in enumerate(poses):
+        for segment, numbers in zip(segments, of_frame, strict=True):
             whole = np.column_stack([matrix(numbers[3:]), numbers[:3]]).ravel()
             name = f"Seq_Frame{frame:04d}_{segment}ToTrackerTransform"
             lines += [f"{name} = {' '.join(map(str, whole))} 0 0 0 1", f"{name}Status = OK"]
@@ -239,5 +240,5 @@ RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "xdf": lambda: Recording(
         "a.xdf", xdf_of(pose_stream(1, xdf_header(SEGMENTS), TIMES_S, DRAWN.reshape(FRAMES, -1)))
     ),
-    "sequence": _sequence,
+    "sequence": lambda: sequence_of(SEGMENTS, DRAWN),
 }

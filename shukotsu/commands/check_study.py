@@ -44,7 +44,7 @@ def check_study(path: Path) -> int:
         print(f"note: {note}")
     recordings_by_finding: dict[str, list[str]] = {}
     status = 2 if study.unusable else 0
-    for name, code, sentence in _findings_of_recordings(files.subjects):
+    for name, code, sentence in _findings_of_recordings(files):
         status = max(status, code)
         recordings_by_finding.setdefault(sentence, []).append(name)
     for sentence, names in recordings_by_finding.items():
@@ -73,14 +73,14 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
             yield f"reads {what}, outside the study's folder: {', '.join(names)}"
 
 
-def _findings_of_recordings(plans: list[SubjectPlan]) -> list[NamedFinding]:
+def _findings_of_recordings(files: StudyFiles) -> list[NamedFinding]:
     """Import all recordings into a temporary folder and return the findings on them."""
-    total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
+    total = sum(not recording.exclude for plan in files.subjects for recording in plan.recordings)
     findings: list[NamedFinding] = []
     digests: list[tuple[Recording, str]] = []
     done = 0
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
-        for plan in plans:
+        for plan in files.subjects:
             recordings = [recording for recording in plan.recordings if not recording.exclude]
             poses = {r.key_in_session: Path(folder, f"{done + n}.parquet") for n, r in enumerate(recordings)}
             for recording in recordings:  # as in a run, a table states why a recording cannot be read
@@ -96,19 +96,24 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[NamedFinding]:
                 done += 1
                 tell(done)
             imported = replace(plan, recordings=tuple(recordings), named_poses=poses)
-            findings += _findings_of_subject(imported, digests)
+            findings += _findings_of_subject(imported, files, digests)
             for file in poses.values():
                 file.unlink()
     return findings + [_named_finding(_name(recording), finding) for recording, finding in copies(digests)]
 
 
-def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[NamedFinding]:
+def _findings_of_subject(
+    plan: SubjectPlan, files: StudyFiles, digests: list[tuple[Recording, str]]
+) -> list[NamedFinding]:
     """Return the findings on a subject's recordings, and why recordings cannot be read.
 
+    A missing file that a run makes, because the study simulates it, is not a fault.
     Each recording is appended to `digests` with the digest of its poses.
     """
     findings = [
-        (_name(recording), 2, f"cannot be read: {reason}")
+        (_name(recording), 0, "simulated: not made yet, so not checked; `shukotsu run` makes it")
+        if files.is_simulated(recording) and reason.startswith(f"{recording.source.file.name}: no such file")
+        else (_name(recording), 2, f"cannot be read: {reason}")
         for recording in plan.recordings
         for reason in usable_poses([plan.poses(recording)])[1]
     ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
-from shukotsu.study.file_formats import FORMATS, format_of, function_of
+from shukotsu.study.file_formats import AUTO, FORMATS, format_of, function_of
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 
@@ -28,6 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("file", type=Path, help="a recording, or a table of this project")
+    add("--format", choices=(AUTO, *FORMATS), default=AUTO, help="format of the file; auto: by its ending")
     add("--write-mapping", type=Path, help="write a mapping to edit; unknown values are written as CHECK")
     add("--hand", choices=("right", "left"), help="which hand (default: as the poses look)")
     add("--layout", default="liberty16", help="a layout that ships, or a path: its segments")
@@ -39,7 +40,8 @@ def inspect(arguments: argparse.Namespace) -> None:
     from shukotsu.readers.inspection.description import CHECK
     from shukotsu.tables.whole_files import write_text
 
-    description, target = describe(arguments.file, arguments.layout), arguments.write_mapping
+    description = describe(arguments.file, arguments.layout, arguments.format)
+    target = arguments.write_mapping
     if target is not None:  # before printing, since the reader of stdout may close it
         if not description.draft:
             raise InputError(f"{arguments.file}: needs no mapping, so {target} is not written")
@@ -56,14 +58,15 @@ def inspect(arguments: argparse.Namespace) -> None:
         todo = "put the truth where it says CHECK; import refuses it until then"
         print(f"wrote {target}: {todo if CHECK in description.draft else 'it is complete; look it over'}")
     file, layout = quote(str(arguments.file)), f" --layout {quote(str(arguments.layout))}"
-    mapping = f" --mapping {quote(str(target))}" if description.draft else ""
+    form = "" if arguments.format == AUTO else f" --format {arguments.format}"
+    mapping = f" --mapping {quote(str(target))}" if description.draft else form
     then = f"shukotsu import --in {file}{mapping}{layout} --subject 01 --hand right --task rom"
     then += " --out poses.parquet"
     then += "; and so with --hand left" if "\nleft_receivers:" in description.draft else ""
     if not description.recording:
         then = "nothing to import: this is a table that the pipeline made"
     elif description.draft and target is None:
-        then = f"shukotsu inspect {file} --write-mapping mapping.yaml"
+        then = f"shukotsu inspect {file}{form} --write-mapping mapping.yaml"
         then += "" if arguments.layout == "liberty16" else layout
     print(f"next: {then}")
 
@@ -88,7 +91,8 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
             path = Path(folder, "poses")
             try:
                 with redirect_stderr(io.StringIO()):
-                    import_for_the_moment(arguments.file, arguments.layout, hand, path)
+                    chosen = f"--format={arguments.format}"
+                    import_for_the_moment(arguments.file, arguments.layout, hand, path, chosen)
             except InputError as error:
                 return [f"import refuses it: {error}"]
         findings = checked_poses(path, layout).findings
@@ -108,15 +112,16 @@ def _is_poses_table(path: Path) -> bool:
         return False
 
 
-def describe(path: Path, layout: Layout | str) -> Description:
-    """Describe a file. layout : layout, or name of one, whose segments are looked for in it.
+def describe(path: Path, layout: Layout | str, name: str = AUTO) -> Description:
+    """Describe a file.
 
+    layout : layout, or name of one, whose segments are looked for in it. name : of its format, or AUTO.
     Raises InputError if the file does not exist, is empty or is of an unknown kind.
     """
     with reading(path, "a recording", "expected a recording"):
         if not check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
-    form = format_of(path) or FORMATS["csv"]
+    form = format_of(path, name) or FORMATS["csv"]
     if form is FORMATS["capture"]:  # before YAML is needed, which the recorder alone lacks
         from shukotsu.readers.inspection.description import Description
         from shukotsu.tracker.survey import describe as describe_capture
@@ -126,8 +131,9 @@ def describe(path: Path, layout: Layout | str) -> Description:
 
     layout = read_layout(layout) if isinstance(layout, str) else layout
     if not form.inspector:
+        kinds = [kind for kind, each in FORMATS.items() if each.inspector or kind == "capture"]
         raise InputError(
-            f"{path}: inspect reads text, C3D and this project's files; import this one directly, or, if its "
+            f"{path}: inspect reads the formats {', '.join(kinds)}; import this one directly, or, if its "
             "names are not those of segments, by a mapping (docs/mappings.md)"
         )
     description: Description = function_of("shukotsu.readers.inspection", form.inspector)(path, layout)

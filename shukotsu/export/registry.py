@@ -181,7 +181,7 @@ FORMATS: Mapping[str, ExportFormat] = {
 }
 
 DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
-    f"\n  {name:6}{form.what}" for name, form in FORMATS.items()
+    f"\n  {name:{max(map(len, FORMATS)) + 2}}{form.what}" for name, form in FORMATS.items()
 )
 
 

@@ -340,7 +340,8 @@ class Builder:
         position : sequence of three Amounts
             Expected position in the bone's frame, mm.
         drives : sequence of Drive
-            Joint angles that move its skin.
+            Joint angles that move its skin: first the flexion at the bone's proximal joint, unless no pose of
+            this receiver is valid.
         kind : str, optional
             Kind of the bone; None for the palm. Nails share a habit of placement, and so do all other bones.
         lag : sequence of Step

@@ -22,7 +22,8 @@ BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
 COMPOUND_DIGITS = ("ring", "little")
 """Digits whose MCP joints are less well modelled, as their metacarpals move when the palm folds."""
 
-_NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
+_FILE = Path(__file__).with_suffix(".yaml")
+_NUMBERS = read_constants(_FILE)
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,9 @@ class Prior:
 
 PRIOR = constants(
     Prior,
+    _FILE,
     _NUMBERS,
+    "THUMB|FINGERS|MOUNT_TURN_DEG|FIELD_SLOPE_SD_DEG_PER_50_MM",
     MOUNT_TURN_SD_RAD=float(np.radians(_NUMBERS["MOUNT_TURN_DEG"] / np.sqrt(3.0))),
     DIP_PER_PIP=2 / 3,
     FIELD_SLOPE_SD_RAD_PER_MM=float(np.radians(_NUMBERS["FIELD_SLOPE_SD_DEG_PER_50_MM"]) / 50.0),

@@ -19,7 +19,8 @@ from shukotsu.study.config_files import constants, read_constants
 
 Vector = tuple[float, float, float]
 
-_NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
+_FILE = Path(__file__).with_suffix(".yaml")
+_NUMBERS = read_constants(_FILE)
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ class Population:
     """Time constant of that drift."""
 
 
-drawn = constants(Population, _NUMBERS)
+drawn = constants(Population, _FILE, _NUMBERS, r"(CT|MYOHAND|XRAY|BUCHHOLZ)_\w+|TO_CENTRES_MM")
 
 
 @dataclass(frozen=True)

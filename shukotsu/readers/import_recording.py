@@ -66,7 +66,7 @@ def read_parts(
         chosen = FORMATS[mapping.format]
         function = chosen.mapped_reader or chosen.reader
     else:
-        named = format_of(path) if name == AUTO else FORMATS[name]
+        named = format_of(path, name)
         if named is None or named.needs_mapping:
             with suppress(OSError), open_text(path):  # a spreadsheet or pipe raises a more specific error
                 pass

@@ -153,15 +153,26 @@ def export_constants() -> dict[str, Any]:
     return read_constants(PACKAGE / "export" / "formats.yaml")
 
 
-def constants(kind: type[Constants], numbers: dict[str, Any], **derived: float) -> Constants:
-    """Build a dataclass of constants from numbers by field name; a field `X_RAD` is converted from `X_DEG`.
+def constants(
+    kind: type[Constants], path: Path, numbers: dict[str, Any], apart: str, **derived: float
+) -> Constants:
+    """Build a dataclass of constants from a file's numbers; a field `X_RAD` is converted from `X_DEG`.
 
-    derived : values of fields that are computed rather than looked up.
+    apart : pattern of entries that belong to no field. derived : values of fields that have no entry. Raises
+    InputError if another field has no entry, or another entry no field.
     """
-    for name in kind.__annotations__.keys() - derived.keys():
-        degrees = name.removesuffix("_RAD") + "_DEG"
-        derived[name] = numbers[name] if name in numbers else math.radians(numbers[degrees])
-    return kind(**derived)
+    entries = {
+        name: name if name in numbers else re.sub("_RAD$", "_DEG", name)
+        for name in kind.__annotations__
+        if name not in derived
+    }
+    class_ = f"class {kind.__name__} in {kind.__module__}"
+    if missing := [name for name, entry in entries.items() if entry not in numbers]:
+        raise InputError(f"{path}: {missing[0]} of {class_} is missing; add an entry {entries[missing[0]]}")
+    if odd := [name for name in numbers if name not in entries.values() and not re.fullmatch(apart, name)]:
+        raise InputError(f"{path}: {odd[0]} is not in {class_}; add a field {odd[0]} there")
+    values = {name: numbers[e] if e == name else math.radians(numbers[e]) for name, e in entries.items()}
+    return kind(**values, **derived)
 
 
 def yaml_text(content: Any) -> str:

@@ -92,8 +92,10 @@ MAPPED = {name: form.what for name, form in FORMATS.items() if form.what}
 """Formats that a mapping can name under `format`, each with a description of its files."""
 
 
-def format_of(path: Path) -> FileFormat | None:
-    """Return the format of files with this ending, or None if the ending is unknown."""
+def format_of(path: Path, name: str = AUTO) -> FileFormat | None:
+    """Return the format with this name or, for AUTO, that of the file's ending; None if it is unknown."""
+    if name != AUTO:
+        return FORMATS[name]
     return next((form for form in FORMATS.values() if path.name.lower().endswith(form.endings)), None)
 
 

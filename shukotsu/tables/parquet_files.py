@@ -71,7 +71,8 @@ def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet fil
     except (FileNotFoundError, InputError, MemoryError):
         raise
     except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # pyarrow's C++: RuntimeError
-        reason = getattr(damage, "strerror", None) or damage
+        # a UnicodeDecodeError has the attribute `reason`
+        reason = getattr(damage, "strerror", None) or getattr(damage, "reason", None) or damage
         raise TableError(f"{path}: {what} ({reason}); {remedy or whole_files.remedy_of(path)}") from damage
 
 

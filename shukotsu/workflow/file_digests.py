@@ -21,6 +21,8 @@ STAMP = ".snakemake_timestamp"
 SETTLED_NS = 60 * 10**9
 """A file that changed less than this before its digest was computed is read again: if the file system's clock
 is coarse or that of another computer, a later change may not show in the file's times."""
+CHANGED = "changed since the last run"
+"""How an input differs that is the same file as in the last run, or the program."""
 
 
 def program_digest(root: Path = ROOT) -> str:
@@ -85,16 +87,18 @@ class FileDigests:
         files = (file for file in Path(path).rglob("*") if file.is_file())
         return self.of(file.as_posix() for file in files if file.name != STAMP)
 
-    def changes(self, study: str, contents: Mapping[str, str]) -> list[str]:
-        """Return the inputs that changed, appeared or vanished since the study's last run; store their state.
+    def changes(self, study: str, contents: Mapping[str, str]) -> dict[str, str]:
+        """Return the inputs that differ from those of the study's last run, with how; store their state.
 
-        If there was no run before, the list is empty.
+        They changed, or were added to the study or removed from it. If there was no run before, none differs.
         """
         before = self._last_run.get(study, contents)
         self._last_run[study] = dict(contents)
         self._has_new = True
         self.save()
-        return [name for name in {**contents, **before} if before.get(name) != contents.get(name)]
+        kinds = {name: CHANGED if name in before else "added to the study" for name in contents}
+        differing = (name for name in {**contents, **before} if before.get(name) != contents.get(name))
+        return {name: kinds.get(name, "removed from the study") for name in differing}
 
     def save(self) -> None:
         """Write the cache if any of its digests is new."""

@@ -40,8 +40,11 @@ EXPORTED = ("sub-", "bids", "tables")
 
 def recall(
     kept: Path, outputs: Collection[str], outdated: Collection[str], digests: FileDigests
-) -> list[str]:
-    """Restore lost records and times of outputs; return the outputs that were changed after a run.
+) -> tuple[list[str], list[str]]:
+    """Restore lost records and times of outputs.
+
+    Return the outputs that were changed after a run, and those that an interrupted run left unfinished, which
+    Snakemake makes again.
 
     kept : file of the stored records. outdated : outputs to make again even if their content is unchanged.
     """
@@ -50,11 +53,13 @@ def recall(
     memory = FilePersistence()
     entries = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
     spoiled = []
-    for path in dict.fromkeys((*entries, *outputs)):
+    paths = [path for path in dict.fromkeys((*entries, *outputs)) if Path(path).exists()]
+    unfinished = memory._filter_incomplete_keys(paths)
+    for path in paths:
         note = memory._read_record(path)
         is_marked = note is not None and note.params == NOT_AS_MADE
         job, digest, time_s = entries.get(path, ({}, "", None))
-        if not Path(path).exists() or (note is not None and not is_marked and note.endtime != time_s):
+        if path in unfinished or (note is not None and not is_marked and note.endtime != time_s):
             continue  # Snakemake's own record is newer than the stored one
         if digests.content(path) == digest and path not in outdated:
             if note is None or is_marked or note.input != job["input"]:  # the installation moved
@@ -71,7 +76,7 @@ def recall(
             mark = {"params": NOT_AS_MADE, "record_format_version": RECORD_FORMAT_VERSION}
             memory._write_record(path, MetadataRecord(**mark, endtime=time_s))
     digests.save()
-    return spoiled
+    return spoiled, [path for path in paths if path in unfinished]
 
 
 def keep(kept: Path, workflow: Any) -> None:

@@ -27,10 +27,12 @@ from shukotsu.study.plan_file import (
 )
 from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
-from shukotsu.workflow.file_digests import FileDigests
+from shukotsu.workflow.file_digests import CHANGED, FileDigests, program_digest
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (with session), hand, recording and model, as in paths."""
+PROGRAM = "the program"
+"""Name of the program among the inputs of a run."""
 
 
 class StudyFiles:
@@ -147,13 +149,19 @@ class StudyFiles:
         paths = {*self._configuration, *(path for of_subject in files.values() for path in of_subject)}
         contents = {path: self._digests.sha256(path) for path in sorted(paths)}
         contents |= {f"plan of {token}": plan_digest(plan) for token, plan in self._contents.items()}
-        changed = self._digests.changes(self.study.name, contents)
+        changed = self._digests.changes(self.study.name, contents | {PROGRAM: program_digest()})
         if not changed:
             return ""
-        named = [name for name in changed if not name.startswith("plan of ")]
+        program = [PROGRAM] if changed.pop(PROGRAM, "") else []
+        named = {CHANGED: [*program]}
+        for name, how in changed.items():
+            if not name.startswith("plan of "):
+                named.setdefault(how, []).append(name)
+        said = [f"{how}: {list_names(names)}" for how, names in named.items() if names]
         again = [token for token in files if {f"plan of {token}", *files[token]} & {*changed}]
         whose = f"those of {list_names([f'sub-{token}' for token in again])} and " if again else ""
-        return f"changed since the last run: {list_names(named)}; results made again: {whose}the study's"
+        which = "all" if program else f"{whose}the study's"
+        return "; ".join([*said, f"results made again: {which}"])
 
     def remove_former(self) -> str:
         """Remove results that no longer belong to the study; return a sentence on them, if any."""
@@ -163,8 +171,8 @@ class StudyFiles:
         former = remove_former_results(self.results, present)
         return f"removed results that no longer belong to the study: {list_names(former)}" if former else ""
 
-    def changed_results(self) -> str:
-        """Return a sentence on the results that were changed after a run, or an empty string.
+    def changed_results(self) -> list[str]:
+        """Return sentences on the results that were changed after a run, and on those left unfinished by one.
 
         Those results are made again; Snakemake's lost records of all others are restored. An outdated plan is
         rewritten when a run starts, and a run starts only if there is a job to do; so the job that writes the
@@ -174,13 +182,15 @@ class StudyFiles:
 
         tables = [self.results.resolved.as_posix()] if self.changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
-        spoiled: list[str] = []
+        found: tuple[list[str], list[str]] = ([], [])
         with suppress(OSError):  # Snakemake reports that the folder is not writable
             outputs = [path for path in self.outputs if path not in self.plans]
-            spoiled = recall(self.kept, [*outputs, *simulated], tables, self._digests)
+            found = recall(self.kept, [*outputs, *simulated], tables, self._digests)
         folder = f"{self.results.folder.as_posix()}/"
-        named = [path.removeprefix(folder) for path in spoiled if path not in tables]
-        return f"results changed after their run, now made again: {list_names(named)}" if named else ""
+        named = [[path.removeprefix(folder) for path in paths if path not in tables] for paths in found]
+        how = "changed after their run", "left unfinished by an interrupted run"
+        pairs = zip(how, named, strict=True)
+        return [f"results {what}, now made again: {list_names(paths)}" for what, paths in pairs if paths]
 
     def changed_plans(self) -> dict[Path, str]:
         """Return the new texts, by path, of plan files that no longer match the study."""
@@ -234,7 +244,11 @@ class StudyFiles:
     def simulated_recording(self, wildcards: Wildcards) -> list[str]:
         """Return the file of a recording if the workflow simulates it, else an empty list."""
         recording = self._recording(wildcards)
-        return [path for path in [_relative(recording.source.file)] if path in self._made_for(recording)]
+        return [_relative(recording.source.file)] if self.is_simulated(recording) else []
+
+    def is_simulated(self, recording: Recording) -> bool:
+        """Return whether the workflow makes the recording's file."""
+        return _relative(recording.source.file) in self._made_for(recording)
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """Return the existing user files that a recording is read from, if Snakemake accepts their names."""

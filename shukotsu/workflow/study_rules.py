@@ -50,7 +50,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> study_files.Study
     try:
         study = study_files.StudyFiles(one_run.study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
-        notes += [study.changed_results(), study.font_note()] if workflow.is_main_process else []
+        notes += [*study.changed_results(), study.font_note()] if workflow.is_main_process else []
     except InputError as error:
         raise WorkflowError(str(error)) from None
     _note(*notes)

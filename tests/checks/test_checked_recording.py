@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sample_files import sequence_of
 
 from benchmarks.faultless_hands import Planted, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
+from shukotsu.checks.checked_subject import checked_poses
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import matrix, multiply
 from shukotsu.readers.import_recording import import_for_the_moment
@@ -69,6 +71,19 @@ def test_no_repair_is_advised_if_the_hemisphere_is_undecidable(planted: Planted)
         assert (finding.kind, finding.severity) == ("hemisphere", SUSPECT)
         assert sentence in finding.message
         assert ("`repair`" in finding.message) == (not left_out)
+
+
+def test_matrices_of_a_sequence_file_are_not_reported_as_quaternions(
+    planted: Planted, tmp_path: Path
+) -> None:
+    """The rotations have other axes than the positions, which looks like another order of quaternions."""
+    poses, other = planted.poses, [0, 2, 3, 1]
+    numbers = np.concatenate([poses.position_mm, poses.quaternion[..., other]], -1)
+    file = sequence_of(poses.segments, numbers[::2])
+    (tmp_path / file.path).write_bytes(file.content)
+    import_for_the_moment(tmp_path / file.path, "liberty16", "right", tmp_path / "poses.parquet")
+    findings = checked_poses(tmp_path / "poses.parquet", LAYOUT).findings
+    assert [(finding.kind, finding.variant) for finding in findings] == [("axes-mirrored", "exchanged")]
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

@@ -110,6 +110,21 @@ def test_the_exit_code_is_that_of_the_worst_finding(study: Path, row: str, code:
     assert check([str(write_study(study.parent, *rows))]) == code
 
 
+@pytest.mark.parametrize("ending", ["parquet", "arrows"])
+def test_a_recording_that_a_run_will_simulate_is_not_missing(
+    study: Path, ending: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Everything else is checked, also a missing file of the same study that no run makes."""
+    more = "simulation: {folder: made, seed: 3}\n"
+    simulated = f"P1 right rom calibration made/sub-P1_hand-right_task-rom.{ending}"
+    assert check([str(write_study(study.parent, simulated, "P2 right rom both rom.csv", more=more))]) == 0
+    says = "simulated: not made yet, so not checked; `shukotsu run` makes it"
+    assert f"P1 right rom: {says}" in capsys.readouterr().out.splitlines()
+    lost = simulated.replace("P1 right rom", "P1 right lost", 1)
+    assert check([str(write_study(study.parent, simulated, lost, more=more))]) == 2
+    assert "P1 right lost: cannot be read: sub-P1_hand-right_task-rom" in capsys.readouterr().out
+
+
 @pytest.fixture(scope="module")
 def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rom") / "rom.csv"

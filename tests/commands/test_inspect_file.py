@@ -16,6 +16,7 @@ from shukotsu.__main__ import main
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import about_axis, matrix, multiply, unit
 from shukotsu.readers.samples import Samples
+from shukotsu.study.file_formats import FORMATS
 from shukotsu.study.mapping import read_mapping
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -451,6 +452,26 @@ def test_columns_paired_by_order_alone_are_marked_with_check(run: Run) -> None:
 
 TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 TIDY_ROWS = "7,0.5,hand,1,2,3,1,0,0,0\n8,0.51,hand,,,,,,,\n8,0.51,elbow,1,2,3,1,0,0,0\n"
+
+
+def test_a_file_with_another_ending_is_described_in_the_format_that_is_named(run: Run) -> None:
+    path = run.write("rom.dat", TIDY + TIDY_ROWS.replace("elbow", "forearm"))
+    assert "import refuses it: " in run.inspect(path)
+    out = run.inspect(path, "--format", "csv")
+    assert "import refuses it: " not in out
+    command = f"import --in {path} --format csv --layout arm "
+    assert f"next: shukotsu {command}" in out
+    assert main([*command.split(), *WHO[2:], "--out", str(run.folder / "poses.parquet")]) == 0
+    assert "not a parquet file" in run.inspect(path, "--format", "parquet", code=2)
+
+
+def test_the_refusal_of_a_format_lists_all_that_can_be_described(run: Run) -> None:
+    said = run.inspect(run.write("a.dat", "XDF:"), "--format", "xdf", code=2)
+    assert "a.dat: inspect reads the formats csv, parquet, capture, c3d; import this one directly" in said
+    listed = said.partition("formats ")[2].partition(";")[0].split(", ")
+    for name in FORMATS:
+        told = run.inspect(run.write("b.dat", "?"), "--format", name, code=2)
+        assert ("inspect reads" in told) == (name not in listed)
 
 
 def test_tidy_files_and_tables_need_no_mapping(run: Run) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +11,12 @@ import pytest
 from moving_fingers import moving_fingers, timed
 
 from shukotsu.errors import InputError
+from shukotsu.export import registry
 from shukotsu.export.exported_motion import local_motion
 from shukotsu.export.registry import DIRECTIONS, FORMATS, ExportSettings, prepare, upright, write_format
 from shukotsu.hand.posing import Origin, PosedRecording
 from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, rotate
+from shukotsu.study import config_files
 from shukotsu.tables.poses import RecordingName
 
 WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
@@ -32,6 +35,20 @@ def files(folder: Path) -> dict[str, bytes]:
     return {
         path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
     }
+
+
+def test_no_format_overwrites_files_of_another() -> None:
+    """All files of a recording have the same stem."""
+    endings = [ending for form in FORMATS.values() for ending in form.extensions]
+    assert len(endings) == len({*endings})
+
+
+def test_formats_with_long_names_are_described_in_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    formats = config_files.export_constants()["formats"]
+    formats = formats | {"animation": formats["csv"]}
+    monkeypatch.setattr(config_files, "export_constants", lambda: {"formats": formats})
+    lines = runpy.run_path(registry.__file__)["DESCRIPTION"].splitlines()[-len(formats) :]
+    assert {line.index(form["what"]) for line, form in zip(lines, formats.values(), strict=True)} == {13}
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -1,5 +1,7 @@
 """Configuration files: refusals of mistakes, defaults, and the dialect of YAML."""
 
+import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -102,3 +104,30 @@ def test_yaml_is_read_as_1_2_and_written_for_1_1_and_1_2() -> None:
             == yaml.safe_load(config_files.yaml_text([text]))
             == [text]
         )
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A class of constants: two are looked up, one of them in degrees, and one is computed."""
+
+    LENGTH_MM: float
+    TURN_RAD: float
+    SHARE: float
+
+
+def test_constants_and_the_fields_of_their_class_must_agree() -> None:
+    def read(**numbers: float) -> Numbers:
+        return config_files.constants(Numbers, Path("hand.yaml"), numbers, "BONES|SHARE_.*", SHARE=0.5)
+
+    assert read(LENGTH_MM=1.0, TURN_DEG=90.0, BONES=2.0, SHARE_IN_3=3.0) == Numbers(1.0, math.pi / 2, 0.5)
+    assert read(LENGTH_MM=1.0, TURN_RAD=3.0) == Numbers(1.0, 3.0, 0.5)
+    where = f"class Numbers in {__name__}"
+    for numbers, message in (
+        ({"TURN_DEG": 1.0}, f"LENGTH_MM of {where} is missing; add an entry LENGTH_MM"),
+        ({"LENGTH_DEG": 1.0, "TURN_DEG": 1.0}, f"LENGTH_MM of {where} is missing; add an entry LENGTH_MM"),
+        ({"LENGTH_MM": 1.0}, f"TURN_RAD of {where} is missing; add an entry TURN_DEG"),
+        ({"LENGTH_MM": 1.0, "TURN_DEG": 1.0, "X": 1.0}, f"X is not in {where}; add a field X there"),
+    ):
+        with pytest.raises(InputError) as refused:
+            read(**numbers)
+        assert refused.value.message == f"hand.yaml: {message}"

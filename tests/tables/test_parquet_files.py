@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from chains import as_poses
 from simulated_poses import write_poses
@@ -74,6 +75,14 @@ def test_files_that_are_not_parquet_are_refused(tmp_path: Path, content: bytes) 
     path = tmp_path / "a.parquet"
     path.write_bytes(content)
     with pytest.raises(TableError, match="not a readable Parquet file"):
+        open_parquet(path, "a table")
+
+
+def test_a_damaged_column_name_is_refused_in_plain_words(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"column": [1.0]}), path)
+    path.write_bytes(path.read_bytes().replace(b"column", b"co\xbdumn"))
+    with pytest.raises(TableError, match=r"not a readable Parquet file \(invalid start byte\)"):
         open_parquet(path, "a table")
 
 

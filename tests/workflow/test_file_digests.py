@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from snakemake.persistence import file as persistence
 
 from shukotsu.resources import VERSION
 from shukotsu.workflow import file_digests, former_results
-from shukotsu.workflow.file_digests import FileDigests, program_digest
+from shukotsu.workflow.file_digests import CHANGED, FileDigests, program_digest
 
 
 @pytest.fixture(autouse=True)
@@ -68,11 +69,12 @@ def test_a_recently_changed_file_is_read_again(reads: list[str]) -> None:
 
 def test_changes_since_the_last_run_are_listed() -> None:
     digests = FileDigests(Path("cache.json"))
-    assert digests.changes("study", {"a": "1"}) == [], "no change before the first run"
+    assert digests.changes("study", {"a": "1"}) == {}, "no change before the first run"
     digests.changes("study", {"a": "1", "b": "1", "c": "1"})
     again = FileDigests(Path("cache.json"))
-    assert again.changes("study", {"a": "1", "b": "2", "d": "1"}) == ["b", "d", "c"]
-    assert again.changes("another", {"a": "1"}) == []
+    after = again.changes("study", {"a": "1", "b": "2", "d": "1"})
+    assert after == {"b": CHANGED, "d": "added to the study", "c": "removed from the study"}
+    assert again.changes("another", {"a": "1"}) == {}
 
 
 NOTES = ("{}", "3", "null", "[1]", '[[], {"a": 1}]', '[{"a": [1, 2, 3]}, {}]', '[{"outputs": 3}]')
@@ -82,9 +84,19 @@ NOTES = ("{}", "3", "null", "[1]", '[[], {"a": 1}]', '[{"a": [1, 2, 3]}, {}]', '
 def test_invalid_cache_files_are_ignored(text: str) -> None:
     Path("notes.json").write_text(text)
     digests = FileDigests(Path("notes.json"))
-    assert digests.changes("study", {"a": digests.sha256("a")}) == []
+    assert digests.changes("study", {"a": digests.sha256("a")}) == {}
     Path("notes.json").write_text(text)
-    assert former_results.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json"))) == ["a"]
+    changed = former_results.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json")))
+    assert changed == (["a"], [])
+
+
+def test_results_that_an_interrupted_run_left_are_not_called_changed() -> None:
+    """Snakemake marks the outputs of a job from its start until it has recorded its end."""
+    persistence.FilePersistence()._mark_incomplete("a", None)
+    Path("b").write_text("made, and changed since")
+    outputs, digests = ["a", "b", "not made"], FileDigests(Path("cache.json"))
+    assert former_results.recall(Path("none.json"), outputs, [], digests) == (["b"], ["a"])
+    assert persistence.FilePersistence()._read_record("a") is None
 
 
 def test_the_programs_digest_is_its_version_or_files_of_a_checkout(

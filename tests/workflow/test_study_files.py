@@ -9,10 +9,11 @@ import pytest
 import yaml
 from small_study import write_study
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.tables.whole_files import write_text
+from shukotsu.workflow import study_files
 from shukotsu.workflow.file_digests import STAMP
 from shukotsu.workflow.one_run import study_file
 from shukotsu.workflow.study_files import StudyFiles
@@ -152,6 +153,39 @@ def test_a_layout_is_part_of_every_request(folder: Path) -> None:
     for request in ("plan", "fit_plan", "layout_digest"):
         assert getattr(same, request)(FIT) == getattr(first, request)(FIT), request
         assert getattr(other, request)(FIT) != getattr(first, request)(FIT), request
+
+
+def test_changes_since_the_last_run_are_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that the study did not use before was added, not changed; the program is an input too."""
+    laboratory = "models-of-the-whole-laboratory"
+    for name in ("finger", "finger-rigid", "thumb"):
+        text = (folder / "study/alone.yaml").read_text().replace("alone", name, 1)
+        write_text(folder / laboratory / f"{name}.yaml", text)
+    both = (f"../{laboratory}/finger.yaml", f"../{laboratory}/finger-rigid.yaml")
+    assert files(folder, models=both).what_changed() == ""
+    for name in both:
+        path = folder / "study" / name
+        path.write_text(f"{path.read_text()}# edited\n")
+    size = SHEETS["participants"].replace("170", "171")
+    assert files(folder, models=both, participants=size).what_changed() == (
+        "changed since the last run: models-of-th...oratory/finger-rigid.yaml, models-of-th...le-laboratory/"
+        "finger.yaml, study/sheets/participants.tsv; results made again: those of sub-02 and the study's"
+    )
+    other = (both[0], f"../{laboratory}/thumb.yaml")
+    assert files(folder, models=other, participants=size).what_changed() == (
+        "changed since the last run: study/study.yaml; added to the study: models-of-th...ole-laboratory/"
+        "thumb.yaml; removed from the study: models-of-th...oratory/finger-rigid.yaml; results made again: "
+        "those of sub-A%26b, sub-02 and the study's"
+    )
+    monkeypatch.setattr(study_files, "program_digest", lambda: "another")
+    said = [files(folder, models=other, participants=size).what_changed() for _ in range(2)]
+    assert said == ["changed since the last run: the program; results made again: all", ""]
+
+
+def test_long_names_stay_different_when_they_are_listed() -> None:
+    fits = [f"sub-01/fits/{hand}/whole-hand/fitted_joints.parquet" for hand in ("right", "left")]
+    assert list_names(fits[:1]) == "sub-01/fits/...and/fitted_joints.parquet"
+    assert list_names(fits) == ", ".join(fits)
 
 
 def test_exports_follow_the_study_file(folder: Path) -> None:

@@ -46,7 +46,7 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
         turned = from_matrix(mapped.proper_rotations(matrices[:, :3, :3], locate))
         position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
         tracks.append(mapped.Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
-    return mapped.samples_of_tracks(tracks, mapping, layout, locate)
+    return replace(mapped.samples_of_tracks(tracks, mapping, layout, locate), orientation="matrix")
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:

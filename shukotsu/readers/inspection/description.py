@@ -39,7 +39,7 @@ class Description:
 
 @np.errstate(over="ignore")  # an infinite span is printed as such
 def extent_line(what: str, position: Array, stated: str = "") -> str:
-    """Format the span of positions (N, 3) and its meaning in the stated unit, or in each possible unit."""
+    """Format the span of positions (N, 3) and its meaning; stated : the unit that their titles state."""
     seen = position[np.isfinite(position).all(-1)]
     if not len(seen):
         return f"{what}: no complete position"

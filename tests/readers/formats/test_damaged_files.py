@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from argparse import Namespace
 from contextlib import closing
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from hypothesis import strategies as st
 from recording_files import LIBERTY
 from sample_files import RECORDINGS
 
-from shukotsu.commands.inspect_file import inspect
+from shukotsu.commands.inspect_file import build_parser, inspect
 from shukotsu.readers.import_recording import read_parts
 from shukotsu.readers.poses_table import poses_table
 from shukotsu.study.mapping import read_mapping
@@ -58,8 +57,6 @@ def test_a_damaged_recording_is_read_or_refused(recording: Path, data: st.DataOb
         recording.write_bytes(data.draw(damaged(sound)))
         assert_read_or_refused(lambda: read_poses(recording))
         with contextlib.redirect_stdout(io.StringIO()):
-            assert_read_or_refused(
-                lambda: inspect(Namespace(file=recording, layout="liberty16", hand=None, write_mapping=None))
-            )
+            assert_read_or_refused(lambda: inspect(build_parser().parse_args([str(recording)])))
     finally:
         recording.write_bytes(sound)
