@@ -158,8 +158,14 @@ def _loose(row: ReceiversRow) -> str:
 def measured_table(name: str, rows: list[RangesOfMotionRow], *, with_recording: bool) -> DataTable:
     """Return a table of range, posture and speed of every joint angle, with 1-sigma errors of the ranges.
 
-    name : the hand or the model, for the caption.
+    name : the hand or the model, for the caption. Rows without numbers have their reason.
     """
+    failed = any(row["status"] == "failed" for row in rows)
+    reason = PageColumn(
+        tr("Message"),
+        lambda row: translated(row["message"]) if row["status"] == "failed" else "",
+        is_text=True,
+    )
     caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=name)
     task = PageColumn(tr("Task"), title_of, is_text=True)
     columns = (
@@ -170,5 +176,6 @@ def measured_table(name: str, rows: list[RangesOfMotionRow], *, with_recording: 
         *map(table_cells.quantity_column, ("low_deg", "high_deg", "full_range_deg")),
         table_cells.error_column(f"{tr('Median')} [deg]", "median", "deg"),
         *map(table_cells.quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
+        *((reason,) if failed else ()),
     )
     return table_cells.table_of(caption, columns, rows, source="ranges_of_motion")

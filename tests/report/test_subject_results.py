@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from report_samples.made_study import HOSTILE, NO_SOURCE, MadeStudy, make_study
@@ -10,8 +11,9 @@ from report_samples.pages import read_page
 from stage_runs import subject_pages
 
 from shukotsu.errors import InputError
+from shukotsu.report.skeleton_tables import measured_table
 from shukotsu.study.plan_file import read_plan
-from shukotsu.tables.catalogue import JOINT_CENTRES
+from shukotsu.tables.catalogue import JOINT_CENTRES, RANGES_OF_MOTION
 from shukotsu.tables.parts import parts_writer
 from shukotsu.tables.typed_table import columns_from_rows
 
@@ -58,3 +60,18 @@ def test_a_failed_part_is_listed_as_a_problem_and_the_others_are_shown(hostile: 
     path.unlink()
     with pytest.raises(InputError, match="joint_centres"):
         hostile.subject(HOSTILE)
+
+
+def test_a_range_without_numbers_is_shown_with_its_reason() -> None:
+    """Messages on rows with numbers, which are in the table of results, are not repeated."""
+    empty = dict.fromkeys(column.name for column in RANGES_OF_MOTION.columns)
+    weak: Any = empty | {"joint": "ring_mcp", "angle": "flexion", "range_deg": 50.0, "status": "weak"}
+    failed: Any = empty | {"joint": "ring_cmc", "angle": "flexion", "status": "failed"}
+    rows = [weak | {"message": "no errors are stated"}, failed | {"message": "it is fixed"}]
+    (block,) = measured_table("rigid", rows, with_recording=False).blocks
+    assert block.header[-1] == "Message"
+    assert [(row[0], row[2], row[-1]) for row in block.rows] == [
+        ("ring_mcp", "50.0", ""),
+        ("ring_cmc", "–", "it is fixed"),
+    ]
+    assert "Message" not in measured_table("rigid", rows[:1], with_recording=False).blocks[0].header
