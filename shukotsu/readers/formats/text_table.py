@@ -266,7 +266,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     # either the header or the other rows may end in a separator
     names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
     names = [name.strip() for name in names[:width]]
-    expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter than in the mapping)"
+    expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter)"
     header = tuple(names if details["header"] else map(str, range(1, len(names) + 1)))
     header_lines = records[n_names - 1][0] if n_names else 0
     open_, titles, ended = partial(io.BytesIO, data), _titles(names), ended or data.endswith(b"\n")
