@@ -152,7 +152,7 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
         reasons.append(
             "the model states no errors of its angles, which include the mounting of the receivers"
         )
-        if joint == digit.joints[1] and _assumed_pose(reader, digit) == "rigid":
+        if joint in digit.joints[1:2] and _assumed_pose(reader, digit) == "rigid":
             reasons.append(f"{_FIXED}, so the MCP joint's angles include the CMC joint's motion")
     return status, join_reasons(reasons)
 
@@ -172,10 +172,11 @@ from the base, whose angles are assumed instead of measured, and the reason."""
 
 
 def _assumed_pose(reader: RecordingReader, digit: Digit) -> str:
-    """Return the pose that the model assumes for the digit's metacarpal; "" if data determine it."""
-    measured = reader.is_fitted or reader.layout.segments[digit.segments[0]].measured
+    """Return the pose that the model assumes for the digit's metacarpal; "" if none, or data determine it."""
+    if reader.is_fitted or not digit.metacarpal or reader.layout.segments[digit.segments[0]].measured:
+        return ""
     assumed = reader.model.metacarpals.unmeasured
-    return "" if measured or assumed not in _NO_ANGLES else assumed
+    return assumed if assumed in _NO_ANGLES else ""
 
 
 def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:

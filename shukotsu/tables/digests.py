@@ -61,8 +61,8 @@ def _digests(path: Path, *_: int) -> tuple[str, bool | None]:
             return hashlib.file_digest(stream, "sha256").hexdigest(), None
         stream.seek(0)
         digest = hashlib.sha256()
-        while left := stored_at - stream.tell():
-            digest.update(stream.read(min(left, _PIECE_BYTES)))
+        while piece := stream.read(min(stored_at - stream.tell(), _PIECE_BYTES)):
+            digest.update(piece)
         whole = digest.copy()
         whole.update(stored)
         stream.seek(footer_at)

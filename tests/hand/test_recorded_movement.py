@@ -1,10 +1,16 @@
 """Unwrapping a recording's angles, their ranges, and the number of effective samples."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from shukotsu.hand.recorded_movement import running_on
+from shukotsu.hand.recorded_movement import RecordedMovement, running_on
 from shukotsu.hand.series import angle_range, effective_samples, flattening
+from shukotsu.study.layout import read_layout
+from shukotsu.study.model import read_model
 
 TIME_S = np.arange(2400) / 240
 
@@ -63,3 +69,21 @@ def test_effective_samples_equal_the_sum_of_autocovariances(waves: float) -> Non
     assert (crossing > 401 // 8) == (waves < 2)
     expected = 2.0 / ((2 * sum(lags[:crossing]) - lags[0]) / 401)
     assert effective_samples(series, 2.0, 10**9) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("model", ["rigid", "paper-fig3-rest", "paper-fig4"])
+def test_a_digit_of_a_single_joint_has_angles_under_every_model(model: str) -> None:
+    layout = read_layout("liberty16")
+    index = layout.digits["index"]
+    short = replace(index, joints=index.joints[3:], segments=index.segments[3:], metacarpal=False)
+    reader: Any = SimpleNamespace(
+        is_fitted=False,
+        layout=replace(layout, digits={"index": short}),
+        model=read_model(model),
+        unmeasured=lambda _: "",
+        unbelieved=lambda *_: "",
+        skeleton=SimpleNamespace(joints={}),
+    )
+    angles = {"index_dip": np.zeros((5, 3, 1))}
+    movement = RecordedMovement(reader, np.arange(5), np.arange(5) / 240, {}, {}, _angles_deg=angles)
+    assert [series.angle for series in movement.joints()] == ["flexion", "abduction", "rotation"]
