@@ -194,12 +194,8 @@ def breaks(segments: Sequence[str], poses: PosesOf, links: Links) -> list[Break]
 
     Parameters
     ----------
-    segments : sequence of str
-        Segments with poses.
-    poses : callable
-        Function from a segment to its frames (N,) and poses (N, 7).
-    links : sequence of (str, str)
-        Parent and child of each joint between two of the segments.
+    segments, poses, links
+        As for `exchanges`.
 
     Returns
     -------
