@@ -37,6 +37,7 @@ from shukotsu.errors import InputError
 from shukotsu.hand.neutral_bones import at_rest
 from shukotsu.hand.posed_recording import RecordingReader
 from shukotsu.hand.posing import PosedRecording, rigid_positions
+from shukotsu.hand.recorded_movement import assumed_angles
 from shukotsu.hand.rotations import conjugate, continuous, from_matrix, multiply, rotate
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.layout import Layout
@@ -113,6 +114,8 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         notes.append(f"{digit} left out: {why or reason}")
     if beyond := [bones.names[index] for index in np.flatnonzero(beyond_receivers(bones))]:
         notes.append(f"measured by no receiver: {', '.join(beyond)}")
+    if assumed := assumed_angles(reader):
+        notes.append(f"angles not measured: {', '.join(assumed)} ({next(iter(assumed.values()))})")
     if len(bones.joints) < 2:
         reasons = "; ".join(notes) or "the layout has none"
         raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")

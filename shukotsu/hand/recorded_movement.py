@@ -152,7 +152,7 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
         reasons.append(
             "the model states no errors of its angles, which include the mounting of the receivers"
         )
-        if joint in digit.joints[1:2] and _assumed_pose(reader, digit) == "rigid":
+        if joint in digit.joints[1:2] and _pose_of_metacarpal(reader, digit) == "rigid":
             reasons.append(f"{_FIXED}, so the MCP joint's angles include the CMC joint's motion")
     return status, join_reasons(reasons)
 
@@ -171,12 +171,20 @@ _NO_ANGLES = {
 from the base, whose angles are assumed instead of measured, and the reason."""
 
 
-def _assumed_pose(reader: RecordingReader, digit: Digit) -> str:
-    """Return the pose that the model assumes for the digit's metacarpal; "" if none, or data determine it."""
+def _pose_of_metacarpal(reader: RecordingReader, digit: Digit) -> str:
+    """Return how the model poses the digit's metacarpal; "" if there is none, or it is measured or fitted."""
     if reader.is_fitted or not digit.metacarpal or reader.layout.segments[digit.segments[0]].measured:
         return ""
-    assumed = reader.model.metacarpals.unmeasured
-    return assumed if assumed in _NO_ANGLES else ""
+    return reader.model.metacarpals.unmeasured
+
+
+def assumed_angles(reader: RecordingReader) -> dict[str, str]:
+    """Return the joints whose angles the model assumes instead of measuring them, and why."""
+    assumed: dict[str, str] = {}
+    for digit in reader.layout.digits.values():
+        count_of_joints, reason = _NO_ANGLES.get(_pose_of_metacarpal(reader, digit), (0, ""))
+        assumed |= dict.fromkeys(digit.joints[:count_of_joints], reason)
+    return assumed
 
 
 def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
@@ -232,11 +240,8 @@ def read_movement(reader: RecordingReader) -> RecordedMovement:
         for name in left_out
         for joint in layout.digits[name].joints
     }
-    for digit in layout.digits.values():
-        count_of_joints, reason = _NO_ANGLES.get(_assumed_pose(reader, digit), (0, ""))
-        for joint in digit.joints[:count_of_joints]:
-            if angles.pop(joint, None) is not None:
-                unposed[joint] = reason
+    assumed = assumed_angles(reader).items()
+    unposed |= {joint: reason for joint, reason in assumed if angles.pop(joint, None) is not None}
     pathless = {
         name: reader.unmeasured(digit.joints[-1]) or left_out.get(name, "")
         for name, digit in layout.digits.items()

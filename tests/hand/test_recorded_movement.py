@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shukotsu.hand.recorded_movement import RecordedMovement, running_on
+from shukotsu.hand.recorded_movement import RecordedMovement, assumed_angles, running_on
 from shukotsu.hand.series import angle_range, effective_samples, flattening
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
@@ -87,3 +87,14 @@ def test_a_digit_of_a_single_joint_has_angles_under_every_model(model: str) -> N
     angles = {"index_dip": np.zeros((5, 3, 1))}
     movement = RecordedMovement(reader, np.arange(5), np.arange(5) / 240, {}, {}, _angles_deg=angles)
     assert [series.angle for series in movement.joints()] == ["flexion", "abduction", "rotation"]
+
+
+@pytest.mark.parametrize(
+    ("model", "kinds"), [("rigid", ["cmc"]), ("paper-fig3-rest", ["cmc", "mcp"]), ("paper-fig4", [])]
+)
+def test_angles_at_metacarpals_that_a_model_keeps_still_are_assumed(model: str, kinds: list[str]) -> None:
+    """The thumb's metacarpal carries a receiver."""
+    layout = read_layout("liberty16")
+    reader: Any = SimpleNamespace(is_fitted=False, layout=layout, model=read_model(model))
+    fingers = "index", "middle", "ring", "little"
+    assert {*assumed_angles(reader)} == {f"{finger}_{kind}" for finger in fingers for kind in kinds}
