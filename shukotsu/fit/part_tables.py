@@ -423,9 +423,9 @@ def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None) -> dict[st
 def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) -> Columns:
     """Build the key columns of joints, segments or digits one after the other, each over all frames."""
     n_frames = len(poses.frame)
-    texts = {"task": name.task, "trial": name.trial}
-    columns: Columns = {text: pa.repeat(value, n_frames * len(values)) for text, value in texts.items()}
-    columns[key] = pa.array(np.repeat(np.array(values, object), n_frames), pa.string())
+    columns: Columns = {"task": name.task, "trial": name.trial}
+    codes = np.repeat(np.arange(len(values), dtype=np.int32), n_frames)
+    columns[key] = pa.DictionaryArray.from_arrays(codes, pa.array(values, pa.string()))
     columns["flags"] = pa.repeat("", n_frames * len(values))
     return columns | {"frame": np.tile(poses.frame, len(values))}
 

@@ -18,6 +18,7 @@ from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.readers.jumps import OwnSides, own_sides, spikes
 from shukotsu.tables.limits import FARTHEST_MM
 from shukotsu.tables.poses import NUMBERS
+from shukotsu.tables.typed_table import repeated
 
 FLAGS = {
     "no-row": "the recording has no row for this receiver in this frame, though others have",
@@ -252,7 +253,7 @@ def columns_of(name: str, frame: Integers, rows: Rows, frozen: bool) -> dict[str
     combinations, codes = np.unique(flags, return_inverse=True)  # few distinct combinations
     texts = [";".join(flag for flag in FLAGS if bits & BIT[flag]) for bits in combinations]
     return {
-        "segment": pa.repeat(pa.scalar(name), len(frame)),
+        "segment": repeated(name, len(frame)),
         "frame": frame,
         "time_s": time_s,
         **dict(zip(NUMBERS, numbers, strict=True)),

@@ -30,6 +30,7 @@ from shukotsu.tables.typed_table import (
     arrow_table,
     columns_from_rows,
     open_table,
+    repeated,
     rows_of,
     table_writer,
 )
@@ -75,18 +76,20 @@ class PartsWriter:
         self._waiting.append((part, arrow_table(self._table, columns, self._schema)))
 
     def columns(self, part: Part, columns: Mapping[str, Any], **parameters: Any) -> None:
-        """Add columns to a part, all of one recording, as a row group; keys of the part may be omitted.
+        """Add columns to a part, all of one recording; keys of the part may be omitted.
 
-        A text value applies to every row.
+        A text value applies to every row. If segments, joints or digits are arrays, they follow one after the
+        other with equally many rows. Each becomes a row group, so that a reader of one skips the others.
         """
         self._parts.setdefault(part, {}).update(parameters)
         count = next(len(values) for values in columns.values() if not isinstance(values, str))
         whole = {
-            name: pa.repeat(pa.scalar(values), count) if isinstance(values, str) else values
+            name: repeated(values, count) if isinstance(values, str) else values
             for name, values in {**_named_keys(self._table, part), **columns}.items()
         }
         rows = arrow_table(self._table, whole, self._schema)
-        self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
+        names = rows.column(_name_column(self._table)).chunk(0).dictionary
+        self._writer.write_table(rows, row_group_size=max(1, rows.num_rows // max(1, len(names))))
 
     def failure(self, part: Part, message: str, **parameters: Any) -> None:
         """Record why a part failed; pending rows are dropped, and readers ignore columns already written."""
@@ -96,7 +99,8 @@ class PartsWriter:
     def finish(self) -> None:
         """Write the pending rows as one row group, and the list of parts."""
         if self._waiting:
-            self._writer.write_table(pa.concat_tables(rows for _, rows in self._waiting))
+            rows = pa.concat_tables(rows for _, rows in self._waiting)
+            self._writer.write_table(rows.unify_dictionaries())
         listed = [{**vars(part), **parameters} for part, parameters in self._parts.items()]
         text = json.dumps(listed, ensure_ascii=False, sort_keys=True)
         self._writer.add_key_value_metadata({PARTS_KEY: text})
@@ -238,7 +242,7 @@ class PartsReader:
             As `part`; TableError if the number of rows differs from n_frames.
 
         """
-        by = next(column for column in ("segment", "joint", "digit") if column in self._file.table.key)
+        by = _name_column(self._file.table)
         keys = self._keys(part) | {"task": task, "trial": trial} | ({by: name} if name else {})
         between = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
         needed = columns if frames is None else ["frame", *columns]
@@ -311,6 +315,11 @@ def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str
 def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
     """Return numerical columns as one array (N, C), null as NaN."""
     return np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
+
+
+def _name_column(table: Table) -> str:
+    """Return the key column of a frame-by-frame table that names a segment, joint or digit."""
+    return next(column for column in ("segment", "joint", "digit") if column in table.key)
 
 
 def _named_keys(table: Table, part: Part) -> dict[str, str]:

@@ -6,6 +6,7 @@ inputs and the version of the program. Gaps are null, never NaN.
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -37,6 +38,12 @@ ENCODINGS = {pa.float64(): "BYTE_STREAM_SPLIT"} | dict.fromkeys(
     (pa.int8(), pa.int64()), "DELTA_BINARY_PACKED"
 )
 """Parquet encodings by type; text columns have a dictionary, others the plain encoding."""
+
+SEARCHED = ("time_s",)
+"""Floating-point columns whose smallest and largest value the footer states, as it does of all others."""
+
+TEXT = pa.dictionary(pa.int32(), pa.string())
+"""Type of text columns while a table is written; readers see strings. Arrow does not hash every row then."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +153,9 @@ def write_table(path: Path, table: Table, columns: Mapping[str, Any], provenance
         A bug rather than bad input: columns are missing, undeclared, or null against the declaration.
 
     """
-    data = arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
-    with table_writer(path, table, data.schema) as writer:
+    schema = table.arrow_schema(provenance.metadata())
+    data = arrow_table(table, columns, schema)
+    with table_writer(path, table, schema) as writer:
         if data.num_rows:
             writer.write_table(data, row_group_size=ROW_GROUP_ROWS)
 
@@ -394,7 +402,10 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
     """Convert values to an Arrow array of the column's type, NaN as null."""
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
-    if isinstance(values, pa.Array):
+    if pa.types.is_string(column.type):
+        array = values if isinstance(values, pa.Array) else pa.array(values, column.type, from_pandas=True)
+        array = array if array.type == TEXT else array.cast(column.type).dictionary_encode()
+    elif isinstance(values, pa.Array):
         array = values.cast(column.type)
         if pa.types.is_floating(column.type):
             array = pa.array(array.to_numpy(zero_copy_only=False), column.type, from_pandas=True)
@@ -409,12 +420,25 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
 
 
 def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
-    """Convert columns to an Arrow table of the schema. Raises ValueError if they are not those declared."""
+    """Convert columns to an Arrow table to write; text has the type `TEXT`.
+
+    Raises ValueError if the columns are not those declared.
+    """
     if set(columns) != {c.name for c in table.columns}:
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
     arrays = [_arrow_array(table, column, columns[column.name]) for column in table.columns]
-    return pa.Table.from_arrays(arrays, schema=schema)
+    return pa.Table.from_arrays(arrays, schema=_written(schema))
+
+
+def repeated(value: str, count: int) -> pa.Array:
+    """Return a text column with the same value in all rows."""
+    return pa.DictionaryArray.from_arrays(np.zeros(count, np.int32), pa.array([value]))
+
+
+def _written(schema: pa.Schema) -> pa.Schema:
+    fields = [field.with_type(TEXT) if pa.types.is_string(field.type) else field for field in schema]
+    return pa.schema(fields, schema.metadata)
 
 
 @contextmanager
@@ -424,13 +448,17 @@ def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.Par
     with replacing(path) as temporary:
         with pq.ParquetWriter(
             temporary,
-            schema,
+            _written(schema),
+            store_schema=False,  # it is stored below, as readers are to see it
             compression="zstd",
             compression_level=3,
             use_dictionary=[c.name for c in table.columns if pa.types.is_string(c.type)],
             column_encoding=encodings,
+            write_statistics=[c.name for c in table.columns if c.type != pa.float64() or c.name in SEARCHED],
             write_page_checksum=True,
         ) as writer:
+            stored = base64.b64encode(schema.serialize().to_pybytes())
+            writer.add_key_value_metadata({"ARROW:schema": stored, **schema.metadata})
             yield writer
         store_digest(temporary)
 
