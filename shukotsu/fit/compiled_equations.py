@@ -32,6 +32,9 @@ BLOCK_FRAMES = 128
 _LEAST_GAIN = 1e-4
 """Relative decrease of a frame's cost below which its iteration ends."""
 
+_FEW_STEPS = 2
+"""Steps after which frames that have not converged are gathered; most have, from a good start."""
+
 _KINDS = {
     "rotate": forward.ROTATE,
     "translate": forward.TRANSLATE,
@@ -367,19 +370,24 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     """
     chains, objective, x = _chains(problem), _objective(problem), point.x
     amounts = _amounts(chains, x)
-    plan, posed, buffers = forward.condense(chains, amounts), [], {}
-    for rows in np.array_split(np.arange(len(point.y)), max(1, -(-len(point.y) // BLOCK_FRAMES))):
-        n, block = len(rows), slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        if n not in buffers:
-            reached, current = _reached_buffers(problem.branches, n), _residual_buffers(problem, n)
-            buffers[n] = reached, current, _posing_buffers(problem, n)
-        reached, current, of_block = buffers[n]
-        seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), x, free_x=False)
-        at = _poses(point.take(block))
-        now = derivatives.Evaluation(chains, amounts, at, seen, objective, reached, current)
-        posing.pose(now, plan, steps, _LEAST_GAIN, of_block)
-        posed.append([_first(values) for values in at])
-    return Point(x, *(np.concatenate(values) for values in zip(*posed, strict=True)))
+    plan, buffers = forward.condense(chains, amounts), {}
+    posed = Point(x, point.y.copy(), point.root.copy(), point.root_mm.copy())
+    left, few = np.arange(len(point.y)), min(steps, _FEW_STEPS)
+    for some in (few, steps - few):  # the frames that need more steps are gathered, so that no block waits
+        going = [left[:0]]
+        for rows in np.array_split(left, -(-len(left) // BLOCK_FRAMES)) if some and len(left) else ():
+            n = len(rows)
+            if n not in buffers:
+                reached, current = _reached_buffers(problem.branches, n), _residual_buffers(problem, n)
+                buffers[n] = reached, current, _posing_buffers(problem, n)
+            reached, current, of_block = buffers[n]
+            seen = _measured_poses(replace(problem, frames=problem.frames.take(rows)), x, free_x=False)
+            at = _poses(posed.take(rows))
+            now = derivatives.Evaluation(chains, amounts, at, seen, objective, reached, current)
+            going.append(rows[posing.pose(now, plan, some, _LEAST_GAIN, of_block)])
+            posed.y[rows], posed.root[rows], posed.root_mm[rows] = map(_first, at)
+        left = np.concatenate(going)
+    return posed
 
 
 @lru_cache(maxsize=64)

@@ -11,17 +11,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.arrays import Integers
 from shukotsu.fit.chain_builder import bone, receiver
 from shukotsu.fit.compiled_equations import pose, residuals
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.gauss_newton import first_guess
-from shukotsu.fit.normal_equations import Frames, Problem
+from shukotsu.fit.normal_equations import Frames, Point, Problem
+from shukotsu.fit.operations import Index
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.known_digits import root_of
-from shukotsu.hand.rotations import Array, from_matrix
+from shukotsu.hand.rotations import Array, continuous, from_matrix, matrix, unit
 from shukotsu.tables.poses import Poses
 
-CHUNK_FRAMES = 256
+CHUNK_FRAMES = 768
+KEY_STEP, KEY_STEPS = 6, 2
+"""Every 6th frame is posed from the receivers' rotations, in two steps; the others start between these."""
 LEAST_RECEIVERS = 2
 """Least number of valid receivers for a frame to be posed."""
 _UNSEEN = 1e9
@@ -115,10 +119,10 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     sd = fit.problem.sd.copy()
     sd[[fit.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
     problem = replace(fit.problem, sd=sd, state_sd=np.array(fit.model.states.sd))
-    parts = [
-        _pose_chunk(fit, problem, frames.take(slice(start, start + CHUNK_FRAMES)))
-        for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)
+    chunks = [
+        slice(start, start + CHUNK_FRAMES) for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)
     ]
+    parts = [_pose_chunk(fit, problem, frames.take(chunk), poses.frame[chunk]) for chunk in chunks]
     angles, position, quaternion, origins, rms = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
@@ -138,13 +142,42 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     )
 
 
-def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
+def _keys(valid: npt.NDArray[np.bool_], number: Integers) -> Index:
+    """Return the frames whose poses are not guessed from their neighbours': every KEY_STEP-th one, and all
+    between two of these if frames are missing or the set of valid receivers changes there.
+
+    valid, number : (T, S) and (T,), validity of receivers and numbers of the frames.
+    """
+    at = np.arange(len(number))
+    changes = np.flatnonzero((valid[1:] != valid[:-1]).any(1) | (np.diff(number) != 1))
+    own = (at % KEY_STEP == 0) | (at == len(at) - 1) | np.isin(at // KEY_STEP, changes // KEY_STEP)
+    return np.flatnonzero(own)
+
+
+def _between(keys: Point, rows: Index, n_frames: int) -> Point:
+    """Interpolate states and roots of all frames linearly between those of some rows (K,)."""
+    at = np.arange(n_frames)
+    before = np.clip(np.searchsorted(rows, at, "right") - 1, 0, max(0, len(rows) - 2))
+    after = np.minimum(before + 1, len(rows) - 1)
+    share = ((at - rows[before]) / np.maximum(rows[after] - rows[before], 1))[:, None]
+    turns = continuous(from_matrix(keys.root)[:, None])[:, 0]
+    y, root, root_mm = (
+        (1.0 - share) * values[before] + share * values[after] for values in (keys.y, turns, keys.root_mm)
+    )
+    return Point(keys.x, y, matrix(unit(root)), root_mm)
+
+
+def _pose_chunk(
+    fit: HandFit, problem: Problem, frames: Frames, number: Integers
+) -> tuple[Array, Array, Array, Array, Array]:
     """Return angles, bones' positions and quaternions, receivers' origins and rms residual of some frames."""
-    problem = replace(problem, frames=frames)
-    guess = first_guess(problem, fit.model, fit.posterior.x)
+    rows, x = _keys(frames.valid, number), fit.posterior.x
+    guess = first_guess(replace(problem, frames=frames.take(rows)), fit.model, x)
     # the field's turn does not change while poses are fitted, so that it is undone once
-    problem = replace(problem, frames=replace(frames, rotation=problem.rotation(guess.x)), field=None)
-    point = pose(problem, guess)
+    problem = replace(problem, frames=frames)
+    problem = replace(problem, frames=replace(frames, rotation=problem.rotation(x)), field=None)
+    keys = pose(replace(problem, frames=problem.frames.take(rows)), guess, KEY_STEPS)
+    point = pose(problem, _between(keys, rows, len(number)))
     current = residuals(problem, point)
     marks = {
         name: (reached.rotation[mark], reached.position_mm[mark])

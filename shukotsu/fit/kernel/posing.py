@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu.arrays import Array
 from shukotsu.fit.kernel.compiled import compiled, copy, copy_matrices, fill, inlined
@@ -24,7 +25,7 @@ from shukotsu.fit.kernel.elimination import (
 )
 from shukotsu.fit.kernel.forward import BranchPoses, Plan, reach
 
-_FIRST_DAMPING, _DAMPING_STEP = 1e-3, 10.0
+_FIRST_DAMPING, _DAMPING_STEP = 1e-4, 10.0
 
 
 class PosingBuffers(NamedTuple):
@@ -97,7 +98,9 @@ def _evaluate(evaluation: Evaluation, plan: Plan) -> None:
 
 
 @compiled
-def pose(now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: PosingBuffers) -> None:
+def pose(
+    now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: PosingBuffers
+) -> npt.NDArray[np.bool_]:
     """Fit states and roots with the hand fixed, by Levenberg-Marquardt (docs/whole-hand.md, section 11).
 
     Parameters
@@ -112,6 +115,11 @@ def pose(now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: Po
         Relative decrease of a frame's cost below which its iteration ends.
     buffers : PosingBuffers
         Working memory for these frames.
+
+    Returns
+    -------
+    array of bool, shape (F,)
+        Frames whose iteration has not ended after these steps.
 
     """
     current, tried = now.current, buffers.tried
@@ -139,3 +147,4 @@ def pose(now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: Po
             break
         if back:
             _evaluate(now, plan)
+    return goes_on
