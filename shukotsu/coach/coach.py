@@ -16,11 +16,10 @@ from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.coach.live_poses import EvenFrames
 from shukotsu.errors import InputError, count_of
+from shukotsu.fit import hand_tables, loose_receivers
 from shukotsu.fit.fingertips import Fingertips, fingertips
 from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.gains import gains
-from shukotsu.fit.hand_tables import joint_rows
-from shukotsu.fit.loose_receivers import displaced_in
 from shukotsu.fit.measurements import Measurement
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.report.belief import gain_lines, reasons_of
@@ -135,7 +134,7 @@ def estimate(coached: CoachedHand, poses: Poses) -> Estimate:
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
-    solved = [row for row in joint_rows(fit) if row["joint"] in fit.joints]
+    solved = [row for row in hand_tables.joint_rows(fit) if row["joint"] in fit.joints]
     rows = {row["joint"]: judged_joint(row, coached.layout.wanted_mm) for row in solved}
     return Estimate(float(poses.time_s[-1]), tips, rows)
 
@@ -277,7 +276,7 @@ class Coach:
             if time_s >= self._loose_s:
                 self._loose_s = time_s + LOOSE_S
                 before, now.loose = now.loose, {}
-                for moved in displaced_in(now.estimate.tips.fit, [now.kept.poses()]).loose:
+                for moved in loose_receivers.displaced_in(now.estimate.tips.fit, [now.kept.poses()]).loose:
                     now.loose[moved.segment] = (
                         f"The receiver on {moved.segment} moved by {moved.shift_mm:.1f} mm and "
                         f"{moved.turn_deg:.0f} deg at {moved.start.time_s:.0f} s: tape it anew, end and "

@@ -19,11 +19,8 @@ from shukotsu.study.model import read_model
 from shukotsu.study.plan import rows_of_session
 from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, Row, Sheet, read_sheet, sheet_rows
 from shukotsu.study.study import SIZES
-from shukotsu.tables import limits
-from shukotsu.tables.limits import read_whole
+from shukotsu.tables import limits, text_files, whole_files
 from shukotsu.tables.subjects import path_token
-from shukotsu.tables.text_files import decode_text, reading
-from shukotsu.tables.whole_files import replacing
 
 CAPTURES = "captures"
 """Folder of archives, next to the study file or in the working folder."""
@@ -113,9 +110,9 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     file = Path(os.path.relpath(archive, study.parent)).as_posix()
     cells = {**key, "trial": trial, "role": "calibration", "file": file, "exclude": exclude}
     sheet = Path(os.path.realpath(study.parent / config["recordings"]))  # keeps a symbolic link
-    with reading(sheet, "the sheet of recordings"):
-        data = read_whole(sheet, "the sheet of recordings", limits.SHEET_BYTES)
-    parts = re.split(r"(\r\n|\r|\n)", decode_text(sheet, data, "the sheet of recordings"))
+    with text_files.reading(sheet, "the sheet of recordings"):
+        data = limits.read_whole(sheet, "the sheet of recordings", limits.SHEET_BYTES)
+    parts = re.split(r"(\r\n|\r|\n)", text_files.decode_text(sheet, data, "the sheet of recordings"))
     at = next(number for number in range(0, len(parts), 2) if parts[number].strip())
     header = [cell.strip() for cell in parts[at].split("\t")]
     new = [name for name, cell in cells.items() if cell and name not in header]
@@ -126,7 +123,7 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     text += "" if text.endswith(("\n", "\r")) else end
     text += line + end
     sheet_rows(sheet, re.sub("\r\n?", "\n", text), RECORDINGS, header)
-    with replacing(sheet) as temporary:
+    with whole_files.replacing(sheet) as temporary:
         temporary.write_bytes((_BOM if data.startswith(_BOM) else b"") + text.encode())
         temporary.chmod(sheet.stat().st_mode)
     return Path(study.parent / config["recordings"])

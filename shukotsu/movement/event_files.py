@@ -12,8 +12,7 @@ import numpy as np
 
 from shukotsu.arrays import Array, Bools, Integers
 from shukotsu.errors import InputError, count_of, list_names
-from shukotsu.tables.limits import check_regular
-from shukotsu.tables.text_files import reading
+from shukotsu.tables import limits, text_files
 from shukotsu.tables.xdf_streams import NUMBERS, TEXT, load_stream, read_streams
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.survey import flagged_records, survey_archive
@@ -82,8 +81,8 @@ def read_midi(path: Path) -> Events:
     """
     import mido
 
-    with reading(path, EXPECTED):
-        check_regular(path, EXPECTED)
+    with text_files.reading(path, EXPECTED):
+        limits.check_regular(path, EXPECTED)
         try:
             file = mido.MidiFile(path)
         except MemoryError:

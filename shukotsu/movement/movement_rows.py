@@ -21,16 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.arrays import Array, Bools
+from shukotsu.hand import recorded_movement
 from shukotsu.hand.known_digits import leading_model
 from shukotsu.hand.posed_recording import RecordingReader, recording_reader
-from shukotsu.hand.recorded_movement import (
-    ANGLES,
-    ERRORS,
-    AngleSeries,
-    FingertipPath,
-    read_movement,
-    unsolved_joints,
-)
+from shukotsu.hand.recorded_movement import ANGLES, ERRORS, AngleSeries, FingertipPath
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.movement.cycles import Cycle, TimedEvent, averaged_cycles, curve_rows, cycles_of, events_of
 from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, percentiles, speed
@@ -279,10 +273,10 @@ def _measure_recording(
     def write(name: str, rows: Iterable[Mapping[str, Any]]) -> None:
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
 
-    if reasons := unsolved_joints(reader):
+    if reasons := recorded_movement.unsolved_joints(reader):
         write("ranges_of_motion", left_out_rows(reasons))
         return
-    movement = read_movement(reader)
+    movement = recorded_movement.read_movement(reader)
     grid = grid_of(movement.time_s)
     if not reader.is_fitted and part.model != leading_model(plan.models, plan.layouts.values()):
         cycles = ()  # the report does not show their curves

@@ -9,15 +9,12 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from shukotsu.report.belief import gain_lines, reasons_of
-from shukotsu.report.provenance import all_problems
+from shukotsu.report import belief, provenance
 from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.report.table_cells import DASH, format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
-from shukotsu.study import verdict
-from shukotsu.study.findings import in_quotes
+from shukotsu.study import findings, plan_file, verdict
 from shukotsu.study.model import paper_skeleton
-from shukotsu.study.plan_file import read_plan
 from shukotsu.translation import N_, listed, ngettext, tr, word
 
 if TYPE_CHECKING:
@@ -275,7 +272,7 @@ def care_line(results: StudyResults) -> str:
             for joint, n in counts.items()
         ]
         worst = max(rows, key=lambda row: row["sd_mm"] or 0.0)
-        parts.append(": ".join([listed(joints), *reasons_of(worst)[:1]]))
+        parts.append(": ".join([listed(joints), *belief.reasons_of(worst)[:1]]))
     return tr("Use with care: {joints}.", joints="; ".join(parts)) if parts else ""
 
 
@@ -293,7 +290,7 @@ def next_step(results: StudyResults) -> str:
     measured = {
         hand
         for hand, plan in plans.items()
-        if not plan.is_file() or read_plan(plan).sizes_mm["hand_length_mm"] is not None
+        if not plan.is_file() or plan_file.read_plan(plan).sizes_mm["hand_length_mm"] is not None
     }
     for row in doubted:
         hand = hand_of(row)
@@ -307,7 +304,7 @@ def next_step(results: StudyResults) -> str:
         return tr("Next: {action}; this would improve {joints}.", action=action, joints=joints)
     gains = [row for row in results.rows.gains if row["model"] == results.leading and hand_of(row) in plans]
     best = sorted(gains, key=lambda row: row["mean_sd_after_mm"] - row["mean_sd_before_mm"])[:1]
-    return tr("Next: {action}", action=gain_lines(best)[0]) if best else ""
+    return tr("Next: {action}", action=belief.gain_lines(best)[0]) if best else ""
 
 
 def _action(row: JointCentresRow, *, is_measured: bool) -> str:
@@ -338,12 +335,12 @@ WIDTH, MOST_PROBLEMS = 79, 3
 
 def outcome_text(results: StudyResults) -> str:
     """Return the study's outcome as plain text: numbers, recommendation, and the most severe problems."""
-    problems = all_problems(results)
+    problems = provenance.all_problems(results)
     lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
     lines += filter(None, [care_line(results), next_step(results)])
     for problem in problems[:MOST_PROBLEMS]:
         places = f" ({problem.places})" if problem.places else ""
-        lines.append(f"- {problem.where}: {in_quotes(problem.text)}{places}")
+        lines.append(f"- {problem.where}: {findings.in_quotes(problem.text)}{places}")
     more = len(problems) - MOST_PROBLEMS
     lines += [f"- and {more} more; see the report"] if more > 0 else []
     return "\n".join(

@@ -14,16 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from markupsafe import Markup
 
 from shukotsu.errors import InputError
-from shukotsu.report import judged_models
+from shukotsu.report import judged_models, provenance, recording_results, skeleton_tables
 from shukotsu.report.belief import joint_anchor, reasons_of
 from shukotsu.report.figures import study_figures
 from shukotsu.report.figures.drawing import page_picture, page_pictures, taken_failures
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import compared_factors, read_movement, subject_groups
-from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
-from shukotsu.report.recording_results import read_stretch
-from shukotsu.report.skeleton_tables import lengths_table
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import Link, format_value, link
 from shukotsu.report.templates import render
@@ -105,11 +102,11 @@ def render_study(results: StudyResults, study: Study) -> str:
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),
         classes=[f"< {ends[0]}", *(f"{low}–{high}" for low, high in pairwise(ends)), f"> {ends[-1]}"],
-        problems=all_problems(results),
-        accepted=faults_listed(results.accepted),
+        problems=provenance.all_problems(results),
+        accepted=provenance.faults_listed(results.accepted),
         factors=factors,
         subjects=[_card(results, who) for who in results.sessions],
-        lengths=lengths_table(results, results.leading),
+        lengths=skeleton_tables.lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,
         methods=methods_text(results, movement),
         references=REFERENCES,
@@ -126,7 +123,7 @@ def _front(results: StudyResults) -> View | None:
     used = [recording for recording in counted if results.status_of(recording)[0] == "used"]
     for recording in sorted(used, key=lambda each: each.role == "calibration")[:MOST_TRIED]:
         try:
-            motion = read_stretch(results, recording, results.leading)
+            motion = recording_results.read_stretch(results, recording, results.leading)
         except InputError:
             continue
         return view_of(f"{recording.hand}, {recording.task}, {results.leading}", motion)

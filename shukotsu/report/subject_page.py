@@ -14,11 +14,9 @@ from markupsafe import Markup
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
-from shukotsu.report import provenance, score_tables, skeleton_tables
-from shukotsu.report.belief import believed_counts, gain_lines, joint_table, near_lines
+from shukotsu.report import belief, judged_models, provenance, score_tables, skeleton_tables
 from shukotsu.report.figures.drawing import hand_panel, page_picture, taken_failures
 from shukotsu.report.figures.study_figures import lengths_panel
-from shukotsu.report.judged_models import numbers_texts, used_text
 from shukotsu.report.recording_page import failure_page, recording_links, recording_page, recording_title
 from shukotsu.report.recording_results import read_recording, read_still
 from shukotsu.report.score_tables import printed_table
@@ -52,8 +50,8 @@ def render_subject(results: StudyResults) -> str:
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
         recordings=recording_links(results, page, who),
-        opening=" ".join(numbers_texts(results)),
-        used=used_text(results),
+        opening=" ".join(judged_models.numbers_texts(results)),
+        used=judged_models.used_text(results),
         problems=provenance.all_problems(results),
         accepted=provenance.faults_listed(results.accepted),
         name=who.label,
@@ -74,16 +72,16 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
     rows, gains = results.joints_of.get((hand, model), []), results.gains_of.get((hand, model), [])
     tables = []
     for name in (model, *(name for name in results.models if name != model)):
-        counts = believed_counts(results.joints_of.get((hand, name), []))
-        tables.append(Folded(f"{name}: {counts}", joint_table(results, hand, name)))
+        counts = belief.believed_counts(results.joints_of.get((hand, name), []))
+        tables.append(Folded(f"{name}: {counts}", belief.joint_table(results, hand, name)))
     return {
         "name": tr("{hand} hand", hand=hand.hand.capitalize()),
         "caption": caption,
         "still": still,
         "leading": tables[0],
         "others": tables[1:],
-        "near": near_lines(rows, gains, results.layouts[hand]),
-        "next": [] if hand in results.suspect else gain_lines(gains),  # first resolve its findings
+        "near": belief.near_lines(rows, gains, results.layouts[hand]),
+        "next": [] if hand in results.suspect else belief.gain_lines(gains),  # first resolve its findings
     }
 
 
@@ -136,7 +134,7 @@ def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list
             if (rows := results.hand_rows(RANGES_OF_MOTION, hand, results.leading))
         ],
         "receivers": [folded for hand in hands for folded in skeleton_tables.receiver_tables(results, hand)],
-        "recordings": [Folded(used_text(results), provenance.recordings_table(results))],
+        "recordings": [Folded(judged_models.used_text(results), provenance.recordings_table(results))],
     }
 
 

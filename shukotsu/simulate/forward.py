@@ -6,18 +6,8 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.hand import rotations
-from shukotsu.simulate.random_hand import (
-    ABDUCTION,
-    AXIAL,
-    BONES,
-    FINGER_CMC,
-    FLEXION,
-    JOINTS,
-    LEVELS,
-    PARENT,
-    WRIST,
-    RandomHand,
-)
+from shukotsu.simulate import random_hand
+from shukotsu.simulate.random_hand import ABDUCTION, AXIAL, BONES, FLEXION, JOINTS, PARENT, RandomHand
 from shukotsu.simulate.realism import Realism
 
 PoseArrays = tuple[Array, Array]
@@ -47,10 +37,10 @@ def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> 
     per_abduction, per_flexion, wobble_abduction, wobble_axial = hand.coupling.T
     axial = per_abduction * abduction + per_flexion * flexion + wobble_axial * bent
     angles = np.stack([flexion, abduction + wobble_abduction * bent, axial], -1)
-    angles[:, FINGER_CMC, ABDUCTION] = 0.0
+    angles[:, random_hand.FINGER_CMC, ABDUCTION] = 0.0
     if realism.paper_joints:
         angles[..., ABDUCTION:] = 0.0
-        angles[:, FINGER_CMC] = 0.0
+        angles[:, random_hand.FINGER_CMC] = 0.0
     return angles
 
 
@@ -89,7 +79,7 @@ def bone_poses(
     position = np.empty((n_frames, len(BONES), 3))
     quaternion = np.empty((n_frames, len(BONES), 4))
     position[:, 0], quaternion[:, 0] = root_position_mm, root_quaternion
-    for level in LEVELS:
+    for level in random_hand.LEVELS:
         parents, bones = PARENT[level], slice(level.start + 1, level.stop + 1)
         axes, angles, skew = hand.axes[level], angles_rad[:, level], hand.skew_mm[level]
         joints, (first, second) = np.arange(len(parents)), hand.order[level].T
@@ -126,7 +116,7 @@ def poses_in_hand(hand: RandomHand, angles_rad: Array) -> PoseArrays:
     """
     n_frames = len(angles_rad)
     still = angles_rad.copy()
-    still[:, WRIST] = 0.0
+    still[:, random_hand.WRIST] = 0.0
     return bone_poses(hand, still, np.zeros((n_frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, 1)))
 
 

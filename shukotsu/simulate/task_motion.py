@@ -11,17 +11,9 @@ import numpy as np
 
 from shukotsu.arrays import Array
 from shukotsu.hand import rotations
+from shukotsu.simulate import random_hand
 from shukotsu.simulate.forward import coupled_angles, poses_in_hand
-from shukotsu.simulate.random_hand import (
-    ABDUCTION,
-    FINGER_CMC,
-    FINGERS,
-    FLEXION,
-    JOINTS,
-    OPEN_DEG,
-    TIP_BONES,
-    RandomHand,
-)
+from shukotsu.simulate.random_hand import ABDUCTION, FINGERS, FLEXION, JOINTS, TIP_BONES, RandomHand
 from shukotsu.simulate.realism import Realism, generator
 from shukotsu.tables.poses import RecordingName
 
@@ -131,7 +123,7 @@ def _fingers(joint: str, flexion_deg: float) -> Array:
 
 def rest_posture() -> Array:
     """Return the posture of the open hand, in which every movement starts."""
-    fingers = sum(_fingers(joint, flexion_deg) for joint, flexion_deg in OPEN_DEG.items())
+    fingers = sum(_fingers(joint, flexion_deg) for joint, flexion_deg in random_hand.OPEN_DEG.items())
     return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
 
@@ -207,7 +199,7 @@ def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
     """Draw the variation between repetitions of a posture, (K, J, 2); small for DIP joints in opposition."""
     sd = np.full((len(JOINTS), 2), _JITTER_DEG)
     sd[:, ABDUCTION] /= 2
-    sd[FINGER_CMC] = _CMC_JITTER_DEG
+    sd[random_hand.FINGER_CMC] = _CMC_JITTER_DEG
     if task == "opposition":
         sd[[j for j, joint in enumerate(JOINTS) if joint.endswith("_dip")]] = _DIP_JITTER_DEG
     jitter = sd * np.clip(rng.standard_normal(script.shape), -2.5, 2.5)

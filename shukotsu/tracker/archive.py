@@ -25,10 +25,7 @@ import pyarrow as pa
 
 from shukotsu.errors import InputError
 from shukotsu.resources import PROGRAM, VERSION
-from shukotsu.tables.limits import check_regular
-from shukotsu.tables.text_files import reading
-from shukotsu.tables.typed_table import METADATA_KEY
-from shukotsu.tables.whole_files import sync_folder
+from shukotsu.tables import limits, text_files, typed_table, whole_files
 
 SCHEMA_NAME, SCHEMA_VERSION = "capture", 2
 RECEIVED, SENT, SETTINGS, EVENT, END = range(5)
@@ -96,7 +93,7 @@ class ArchiveWriter:
             "about": about,
             "about_crc32": zlib.crc32(_json_bytes(about)),
         }
-        self._schema = _SCHEMA.with_metadata({METADATA_KEY: _json_bytes(whole)})
+        self._schema = _SCHEMA.with_metadata({typed_table.METADATA_KEY: _json_bytes(whole)})
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _AS_THEY_ARE, 0o644)
@@ -106,7 +103,7 @@ class ArchiveWriter:
             raise InputError(f"{path}: cannot be written ({error.strerror})") from error
         self._append(self._schema.serialize().to_pybytes())
         self._sync()
-        sync_folder(path.parent)
+        whole_files.sync_folder(path.parent)
 
     def received(self, data: bytes, host_ns: int) -> None:
         """Record bytes that were received."""
@@ -337,8 +334,8 @@ def _pieces(
 
 def open_archive(path: Path) -> Archive:
     """Open an archive. Raises InputError if the file does not exist or does not begin as an archive."""
-    with reading(path, "a raw capture"):
-        if not check_regular(path, "a raw capture"):
+    with text_files.reading(path, "a raw capture"):
+        if not limits.check_regular(path, "a raw capture"):
             raise InputError(f"{path}: is empty; expected a raw capture")
         with path.open("rb") as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -352,7 +349,7 @@ def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
     if schema is None:
         raise not_one
     try:
-        whole = json.loads((schema.metadata or {})[METADATA_KEY])
+        whole = json.loads((schema.metadata or {})[typed_table.METADATA_KEY])
         named = (whole["schema"], whole["schema_version"])
         about = dict(whole["about"])
         sound = whole.get("about_crc32") == zlib.crc32(_json_bytes(about))

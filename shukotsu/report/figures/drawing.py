@@ -29,15 +29,13 @@ from matplotlib.ticker import FixedFormatter, FuncFormatter, Locator, LogLocator
 
 from shukotsu.arrays import Array
 from shukotsu.errors import INTERNAL, on_one_line
-from shukotsu.report import palette
+from shukotsu.report import palette, table_cells, templates
 from shukotsu.report.belief import BELIEF_MARKS, BELIEVED
 from shukotsu.report.figures import style
 from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, TWO_COLUMNS_MM
 from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton, view_points
 from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property
 from shukotsu.report.study_results import StudyResults
-from shukotsu.report.table_cells import number
-from shukotsu.report.templates import plain
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing, write_text
 from shukotsu.translation import ENGLISH, N_, language, listed, ngettext, punctuated, tr, translated, word
@@ -261,7 +259,7 @@ def draw_rows(
             markeredgewidth=0.6, markeredgecolor=PAPER,
         )  # fmt: skip
         if of_all:
-            note = number(middle, decimals).replace("-", "−")
+            note = table_cells.number(middle, decimals).replace("-", "−")
             note += f" (n = {len(values)})" if 0 < len(values) < of_all else ""
             _write_aside(axes, y, note, INK)
     if of_all:
@@ -449,12 +447,12 @@ def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
         return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
     text = N_("Drawn by {PROGRAM} {VERSION} with matplotlib {version}.")
     versions = tr(text, PROGRAM=PROGRAM, VERSION=VERSION, version=matplotlib.__version__)
-    return Drawing(name, figure, punctuated(plain(f"{caption} {versions}")))
+    return Drawing(name, figure, punctuated(templates.plain(f"{caption} {versions}")))
 
 
 def not_drawn(name: str, reason: str) -> Drawing:
     """Draw a figure that states why the figure `name` could not be drawn."""
-    sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
+    sentence = templates.plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
     with style.apply_style():
         lines = style.wrap_text(sentence, 52)
         figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))

@@ -21,14 +21,13 @@ from shukotsu.arrays import Array
 from shukotsu.errors import InputError
 from shukotsu.hand.known_digits import root_of
 from shukotsu.movement.cycles import PERCENT
-from shukotsu.report import palette
+from shukotsu.report import palette, score_tables
 from shukotsu.report.figures import drawing
 from shukotsu.report.figures.drawing import FOOT_MM, PLAIN, Drawing, NoDataError, Panel
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.movement_results import Curve, recording_curves, why_no_curves
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT
 from shukotsu.report.recording_results import ANGLE_COLUMNS, ANGLES, reader_of
-from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import number, title
 from shukotsu.study.layout import Layout
@@ -199,7 +198,7 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     bound = [row for row in results.rows.tip_errors if (row["binding"], row_key(row)) == key]
     rows = [row for row in bound if row["mean_mm"] is not None]
     means = [
-        f"{model} {number(mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"
+        f"{model} {number(score_tables.mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"
         for model in models
     ]
     return drawing.print_figure(drawing.in_rows(panels, 1), handles), tr(

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from shukotsu.report import judged_models, movement_results, palette
+from shukotsu.report import judged_models, movement_results, palette, recording_results
 from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_text
 from shukotsu.report.figures import drawing
 from shukotsu.report.figures.drawing import FOOT_MM, ROW_MM, Drawing, NoDataError, Panel, PanelRow, Scale
@@ -24,7 +24,6 @@ from shukotsu.report.figures.style import wrap_text
 from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels
 from shukotsu.report.movement_results import OF_ANGLE, RANGE, ComparedFactor, StudyMovement
 from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look
-from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import QUANTITIES, alike, capital, heading
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
@@ -298,7 +297,7 @@ def _range_panels(movement: StudyMovement, means: pd.Series[float], task: str) -
     colours = {digit: look.colour for digit, look in palette.looks(digits, palette.DIGITS).items()}
     looks = {joint: Look(colours.get(joint.partition("_")[0], INK), "o") for joint in joints}
     panels = []
-    for angle in ANGLES:
+    for angle in recording_results.ANGLES:
         there = [joint for joint in joints if (joint, angle) in means.index]
         rows = [PanelRow(joint, looks[joint], means[joint, angle].to_dict()) for joint in there]
         if not rows:

@@ -9,15 +9,12 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from shukotsu.report import table_cells
+from shukotsu.report import palette, provenance, skeleton_tables, table_cells
 from shukotsu.report.belief import belief, believed_counts
 from shukotsu.report.figures.drawing import page_pictures
 from shukotsu.report.figures.recording_figures import angle_looks, curve_panels, digit_rows, recording_text
 from shukotsu.report.movement_results import recording_curves, why_no_curves
-from shukotsu.report.palette import MARK_PATHS
-from shukotsu.report.provenance import faults_listed
 from shukotsu.report.recording_results import ModelResults, RecordingResults
-from shukotsu.report.skeleton_tables import measured_table
 from shukotsu.report.study_results import StudyResults, hand_of, task_title
 from shukotsu.report.table_cells import Folded, Link, PageColumn, number, title
 from shukotsu.report.templates import render
@@ -71,7 +68,7 @@ def recording_page(results: RecordingResults) -> str:
         tables_at=f"../../../{quote(results.study.paths.subject(*results.recording.hand.who).name)}/",
         study=results.study.name,
         facts=", ".join(facts),
-        problems=faults_listed(
+        problems=provenance.faults_listed(
             [row for row in results.study.suspect_rows if hand_of(row) == results.recording.hand]
         ),
         said=translated(row["message"]) if motion is not None else "",
@@ -84,7 +81,7 @@ def recording_page(results: RecordingResults) -> str:
         no_cycles="" if cycles else why_no_curves(results.study, results.recording, results.study.leading),
         leading=results.study.leading,
         angle_looks=[*angle_looks().values()],
-        marks=list(MARK_PATHS.values()),
+        marks=list(palette.MARK_PATHS.values()),
         replayed=results.recording.role != "calibration",
         tip_errors=Folded(tr("Tip error of the replay in numbers"), tip_errors),
         ranges=_ranges(results),
@@ -117,7 +114,7 @@ def _cycles(results: StudyResults, recording: Recording, title: str) -> dict[str
 def _ranges(results: RecordingResults) -> list[Folded]:
     """Return a table of the recording's rows of ranges_of_motion for each model that has any."""
     return [
-        Folded(model.name, measured_table(model.name, rows, with_recording=False))
+        Folded(model.name, skeleton_tables.measured_table(model.name, rows, with_recording=False))
         for model in results.models
         if (rows := results.study.recording_rows(RANGES_OF_MOTION, results.recording, model.name))
     ]
