@@ -8,6 +8,7 @@ import os
 import sys
 
 from benchmarks.benchmark_table import write_tables
+from shukotsu import command_line
 
 BENCHMARKS = {
     "cost": "time and memory of whole studies, and of fitting, posing and judging a hand",
@@ -52,14 +53,12 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     width = max(map(len, BENCHMARKS))
     lines = [f"  {name:{width}}  {summary}" for name, summary in BENCHMARKS.items()]
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks",
-        description="Measure the cost and the accuracy of the stages. Seconds depend on this machine and\n"
+    parser = command_line.parser(
+        "python -m benchmarks",
+        "Measure the cost and the accuracy of the stages. Seconds depend on this machine and\n"
         "its load; quote ratios.\n\nbenchmarks:\n" + "\n".join(lines),
-        epilog="example:\n  python -m benchmarks two_drawings --hands 24 --write\n\n"
+        "python -m benchmarks two_drawings --hands 24 --write\n\n"
         "python -m benchmarks NAME --help lists the options of a benchmark.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("name", metavar="NAME", choices=BENCHMARKS, help="the benchmark; its options follow")
     return parser
