@@ -49,9 +49,8 @@ def one_person(seed: int) -> list[dict[str, Any]]:
     pulls: list[tuple[str, str, str, LengthPullsRow]] = []
     for hand in ("right", "left"):
         for session, task in RECORDED:
-            poses = simulate(
-                RecordingName("01", hand, task, session=session), seed, Realism(), N_FRAMES
-            ).poses()
+            name = RecordingName("01", hand, task, session=session)
+            poses = simulate(name, seed, Realism(), N_FRAMES)
             fit = fit_hand([poses], read_layout(LAYOUT), hand)
             pulls += [(row["bone"], hand, f"{session} {task}", row) for row in pull_rows(fit)]
     rows = []

@@ -152,7 +152,7 @@ def hand_table(rounds: int) -> PrintedTable:
     """Return the processor time of fitting, posing and judging a hand."""
     frames = 6000, 4000  # frames of the calibration, and of the task that is posed
     calibration, task = (
-        simulate(RecordingName("01", "right", name), 1, Realism(), n).poses()
+        simulate(RecordingName("01", "right", name), 1, Realism(), n)
         for name, n in zip(ROLES, frames, strict=True)
     )
     layout = read_layout(LAYOUT)

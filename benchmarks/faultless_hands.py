@@ -61,7 +61,7 @@ def own_hand(
     simulation = simulate(
         RecordingName("01", hand, task), seed, Realism(artefact=artefact), FRAMES[task], **simulated
     )
-    return Planted((facing_the_nail(simulation) if at_nail else simulation).poses(), hand)
+    return Planted(facing_the_nail(simulation) if at_nail else simulation, hand)
 
 
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:

@@ -164,7 +164,7 @@ def play(seed: int, side: str, interval_s: float, duration_s: float) -> Played:
     piece = _Piece(hand_of("01", side, seed, Realism()), rng, interval_s, duration_s)
     n_frames = round(duration_s * RATE_HZ)
     motion = simulate(RecordingName("01", side, "opposition"), seed, Realism(), n_frames, change=piece.played)
-    return Played(motion.poses(), piece.strokes(motion.time_s[0]))
+    return Played(motion, piece.strokes(motion.time_s[0]))
 
 
 class _Piece:

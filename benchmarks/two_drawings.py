@@ -8,20 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks import other_hands
+from benchmarks import faultless_hands, other_hands
 from benchmarks.benchmark_table import PrintedTable, of_each_person, percent
-from benchmarks.faultless_hands import other_recording
 from shukotsu.arrays import Array
-from shukotsu.fit.chain_builder import KINDS
+from shukotsu.fit import chain_builder, fitted_motion, hand_tables
 from shukotsu.fit.fit import HandFit, fit_hand
-from shukotsu.fit.fitted_motion import pose_hand
-from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
+from shukotsu.study import stated_error, verdict
 from shukotsu.study.layout import read_layout
-from shukotsu.study.stated_error import halves_mm2, is_within_95
-from shukotsu.study.verdict import BELIEVE, judged_joint
 from shukotsu.tables.poses import Poses, RecordingName
 
 WRITTEN_TO = "accuracy.md", "two drawings"
@@ -151,7 +147,7 @@ def simulated_hand(simulated: Simulated) -> Drawn:
     """Convert a recording of this project's simulator."""
     truth = simulated.truth
     return Drawn(
-        simulated.poses(),
+        simulated,
         simulated.name.hand,
         {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in truth.joints.items()},
         {name: truth.bone_position_mm[:, JOINTS.index(name) + 1] for name in truth.joints},
@@ -161,7 +157,7 @@ def simulated_hand(simulated: Simulated) -> Drawn:
 
 
 def _other(seed: int, hand: str) -> Drawn:
-    recording = other_recording(seed, hand, "rom", {}, duration_s=DURATION_S)
+    recording = faultless_hands.other_recording(seed, hand, "rom", {}, duration_s=DURATION_S)
     truth = {
         joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
         for joint in read_layout(LAYOUT).solvable
@@ -176,18 +172,18 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
     """Compare the joints of a fit with the truth."""
     step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
     rows = np.arange(0, len(drawn.poses.frame), step)
-    posed = pose_hand(fit, drawn.poses.take(rows))
+    posed = fitted_motion.pose_hand(fit, drawn.poses.take(rows))
     wanted_mm = read_layout(LAYOUT).wanted_mm
-    judged = {row["joint"]: judged_joint(row, wanted_mm) for row in joint_rows(fit)}
-    believed = {name for name, row_of in judged.items() if row_of["verdict"] == BELIEVE}
+    judged = {row["joint"]: verdict.judged_joint(row, wanted_mm) for row in hand_tables.joint_rows(fit)}
+    believed = {name for name, row_of in judged.items() if row_of["verdict"] == verdict.BELIEVE}
     for name, joint in fit.joints.items():
         if name not in drawn.truth:
             continue
         off_mm = np.array([joint.parent_mm, joint.child_mm]) - drawn.truth[name]
-        stated = halves_mm2(joint.covariance_mm2, joint.sd_mm)
+        stated = stated_error.halves_mm2(joint.covariance_mm2, joint.sd_mm)
         posed_mm = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
-        flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, KINDS[0]))])
-        inside = tuple(map(is_within_95, off_mm, stated))
+        flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, chain_builder.KINDS[0]))])
+        inside = tuple(map(stated_error.is_within_95, off_mm, stated))
         posed_off_mm = float(np.nanmean(np.linalg.norm(posed_mm - drawn.centre_mm[name][rows], axis=1)))
         slope = float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0])
         is_believed = name in believed

@@ -26,10 +26,13 @@ def recorded(
     forearm: bool = False,
     **realism: float | bool,
 ) -> tuple[Simulated, Poses]:
-    """Return one hand's recording with all disturbances except for the settings in `realism`."""
+    """Return one hand's recording with its truth, and its poses alone.
+
+    All disturbances are on except for the settings in `realism`.
+    """
     disturbed = replace(Realism(), **realism)  # type: ignore[arg-type]
     simulated = simulate(RecordingName("01", side, task), seed, disturbed, n_frames, forearm=forearm)
-    return simulated, simulated.poses()
+    return simulated, simulated.take(slice(None))
 
 
 @cache
@@ -45,11 +48,8 @@ def hand_of(seed: int, hand: str = "right", task: str = "rom", n_frames: int = 9
     return Planted(recorded(hand, task, seed=seed, n_frames=n_frames)[1], hand)
 
 
-def write_poses(
-    path: Path, recording: Simulated | Poses, hand: str, task: str, subject: str = "01", **more: str
-) -> Path:
+def write_poses(path: Path, poses: Poses, hand: str, task: str, subject: str = "01", **more: str) -> Path:
     """Write a recording as the poses table that an import would produce."""
-    poses = recording.poses() if isinstance(recording, Simulated) else recording
     numbers = np.concatenate([poses.position_mm, poses.quaternion], -1)
     n_frames = len(poses.frame)
     groups = [

@@ -98,7 +98,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, hand: SimulatedHand) -> Pat
     program = copy_of_the_program(folder / "program")
     for add in (add_model, add_column, add_reader, add_export):
         add(program)
-    poses = simulate(RecordingName("01", "right", "rom"), 7, Realism.exact(), 240).poses()
+    poses = simulate(RecordingName("01", "right", "rom"), 7, Realism.exact(), 240)
     in_metres = replace(poses, position_mm=poses.position_mm / 1000)
     write_poses(folder / "poses.parquet", poses, "right", "rom")
     write_poses(folder / "metres.parquet", in_metres, "right", "rom")

@@ -33,11 +33,10 @@ from shukotsu.errors import InputError
 from shukotsu.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.verdict import UNJUDGED
+from shukotsu.tables import digests, whole_files
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
-from shukotsu.tables.digests import store_digest
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.typed_table import Column, Provenance, columns_from_rows, vector_columns, write_table
-from shukotsu.tables.whole_files import replacing
 
 if TYPE_CHECKING:
     from shukotsu.tables.rows import BoneLengthsRow, JointCentresRow
@@ -51,12 +50,12 @@ def check_ending(path: Path) -> None:
         raise InputError(f"{path}: the file's ending determines the format; expected {' or '.join(ENDINGS)}")
 
 
-def tidy(recording: Simulated | Poses) -> pa.Table:
+def tidy(recording: Poses) -> pa.Table:
     """Convert a recording to a tidy table, by frame, segments in the layout's order.
 
     Parameters
     ----------
-    recording : Simulated or Poses
+    recording : Poses
         T frames of S receivers.
 
     Returns
@@ -78,14 +77,14 @@ def tidy(recording: Simulated | Poses) -> pa.Table:
     return pa.table(columns)
 
 
-def write_recording(path: Path, recording: Simulated | Poses) -> None:
+def write_recording(path: Path, recording: Poses) -> None:
     """Write a recording atomically as CSV or Parquet; numbers in CSV have full precision.
 
     Parameters
     ----------
     path : Path
         File to write; its ending determines the format.
-    recording : Simulated or Poses
+    recording : Poses
         Recording to write.
 
     Raises
@@ -95,7 +94,7 @@ def write_recording(path: Path, recording: Simulated | Poses) -> None:
 
     """
     check_ending(path)
-    with replacing(path) as temporary:
+    with whole_files.replacing(path) as temporary:
         if path.suffix == ".csv":
             options = pyarrow.csv.WriteOptions(quoting_style="needed")
             pyarrow.csv.write_csv(tidy(recording), temporary, options)
@@ -104,7 +103,7 @@ def write_recording(path: Path, recording: Simulated | Poses) -> None:
             pq.write_table(
                 tidy(recording), temporary, use_dictionary=["frame", "time_s", "segment"], **options
             )
-            store_digest(temporary)
+            digests.store_digest(temporary)
 
 
 MODEL_NAME = "truth"

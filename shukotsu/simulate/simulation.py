@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.arrays import Array, Integers
+from shukotsu.arrays import Array
 from shukotsu.errors import InputError, count_of
 from shukotsu.hand import rotations
 from shukotsu.simulate.forward import PoseArrays, bone_poses, flexion_axis, relaxed_angles
@@ -179,40 +179,20 @@ def _in_receiver(poses: PoseArrays, receiver: int, point_mm: Array, axis: Array)
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """Simulated recording of T frames, with its truth.
+class Simulated(Poses):
+    """Poses of a simulated recording, NaN where the tracker lost them, with their truth.
 
     Attributes
     ----------
     name : RecordingName
         The recording.
-    frame : array of int, shape (T,)
-        Frame numbers.
-    time_s : array, shape (T,)
-        Device time.
-    segments : tuple of str
-        Segments that carry the S receivers.
-    position_mm : array, shape (T, S, 3)
-        Positions in the transmitter frame; NaN if the tracker lost the pose.
-    quaternion : array, shape (T, S, 4)
-        Unit quaternions (w, x, y, z), receiver to transmitter frame.
     truth : Truth
         The truth.
 
     """
 
     name: RecordingName
-    frame: Integers
-    time_s: Array
-    segments: tuple[str, ...]
-    position_mm: Array
-    quaternion: Array
     truth: Truth
-
-    def poses(self) -> Poses:
-        """Return the recording as poses; poses that the tracker lost are not valid."""
-        valid = np.asarray(np.isfinite(self.position_mm).all(-1))
-        return Poses(self.segments, self.frame, self.time_s, self.position_mm, self.quaternion, valid)
 
 
 def simulate(
@@ -284,8 +264,8 @@ def simulate(
     if realism.faults:
         rng = generator(seed, "faults", subject, hand, task, session=session)
         recorded = faulty(*recorded, realism.faults, rng)
-    frame = np.arange(1, n_frames + 1)
-    return Simulated(name, frame, frame / RATE_HZ, segments, *recorded, truth)
+    frame, valid = np.arange(1, n_frames + 1), np.asarray(np.isfinite(recorded[0]).all(-1))
+    return Simulated(segments, frame, frame / RATE_HZ, *recorded, valid, name, truth)
 
 
 def _check_arguments(name: RecordingName, seed: int, n_frames: int | None) -> int:

@@ -152,7 +152,7 @@ def test_an_undisturbed_hand_has_no_loose_receiver(layout: Layout, seed: int) ->
     side = ("right", "left")[seed % 2]
     for task in ("rom", "opposition"):
         for skin in (1.0, 2.0):
-            poses = simulate(RecordingName("01", side, task), seed, replace(Realism(), artefact=skin)).poses()
+            poses = simulate(RecordingName("01", side, task), seed, replace(Realism(), artefact=skin))
             fit = fit_hand([poses], layout, side)
             assert displaced_in(fit, [poses]) == Displaced([]), (task, skin)
 

@@ -26,7 +26,7 @@ SIDES = pytest.mark.parametrize("side", ["right", "left"])
 def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
     drawn = recorded(side, seed=seed)[0]
     drawn = facing_the_nail(drawn) if nail else drawn
-    return drawn, fit_hand([drawn.poses()], LAYOUT, side, settings=QUICK)
+    return drawn, fit_hand([drawn], LAYOUT, side, settings=QUICK)
 
 
 def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
@@ -61,7 +61,7 @@ def test_thumb_angles_do_not_depend_on_how_the_receiver_faces(side: str) -> None
     angles_deg = []
     for nail in (False, True):
         drawn, fit = fitted(4, side, nail=nail)
-        poses = drawn.poses().take(np.arange(0, len(drawn.frame), 24))
+        poses = drawn.take(np.arange(0, len(drawn.frame), 24))
         of_joint = joint_angles_of(fit, pose_hand(fit, poses))
         angles_deg.append([of_joint["thumb_cmc"], of_joint["thumb_mcp"]])
     assert (np.abs(np.subtract(*angles_deg)).mean((0, 1)) < 8.0).all()

@@ -197,7 +197,7 @@ def _write_subject(
                 message = f"{recording.source.file_as_written}: row 7, column x_mm: 'n/a' is <not> a number"
                 typed_table.write_failure(plan.poses(recording), POSES, message, Provenance((), key))
                 continue
-            recorded = exact_hand(hand, n_frames)[0].poses()
+            recorded = exact_hand(hand, n_frames)[0].take(np.arange(n_frames))
             recorded.valid[UNSEEN, recorded.index("index_distal")] = False
             write_poses(plan.poses(recording), recorded, hand, recording.task, plan.who.subject)
             if recording.role == "calibration":

@@ -145,7 +145,7 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
         RecordingName("01", hand, "rom"),
     )
     write_truth(folder, simulated, Provenance())
-    truth, poses = read_truth(folder, name), simulated.poses()
+    truth, poses = read_truth(folder, name), simulated
     true = truth.digits(poses, LAYOUT)
     recording = Recording(name.of_hand, "rom", "", "both", Source(Path(), "", Path()))
     return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
