@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.arrays import Array, Bools
-from shukotsu.readers.jumps import spikes
-from shukotsu.readers.segment_rows import NORM_TOLERANCE
+from shukotsu.readers import jumps, segment_rows
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses, joined_poses
 from shukotsu.tracker.archive import FollowedArchive, Piece, open_archive
@@ -81,14 +80,14 @@ class LivePoses:
         time_s = np.asarray((frame - self._first) / rate_hz, float)
         valid = np.isfinite(numbers).all(-1)
         norm = np.linalg.norm(numbers[..., 3:], axis=-1)
-        valid &= np.abs(norm - 1) <= NORM_TOLERANCE
+        valid &= np.abs(norm - 1) <= segment_rows.NORM_TOLERANCE
         numbers[..., 3:] /= np.where(valid, norm, 1.0)[..., None]
         for column in range(valid.shape[1]):
             rows = np.flatnonzero(valid[:, column])
             if len(rows):
                 valid[rows, column] = self._on_one_side(numbers[rows, column, :3], column)
                 rows = rows[valid[rows, column]]
-                valid[rows[spikes(numbers[rows, column])], column] = False
+                valid[rows[jumps.spikes(numbers[rows, column])], column] = False
         measured = self._layout.measured
         return Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid)
 

@@ -12,11 +12,10 @@ from shukotsu.coach.coach import ENDED, Coach, first_reason
 from shukotsu.errors import InputError
 from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posing import Skeleton
+from shukotsu.report import palette, templates
 from shukotsu.report.belief import belief
 from shukotsu.report.figures.drawing import hand_panel, page_picture
 from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
-from shukotsu.report.palette import css
-from shukotsu.report.templates import ENVIRONMENT
 from shukotsu.tables.whole_files import write_text
 
 EVERY_S = 1.0
@@ -24,7 +23,7 @@ EVERY_S = 1.0
 MOST_LINES = 8
 """Number of the newest lines of the log that are shown."""
 _LOADER = jinja2.FileSystemLoader(Path(__file__).parent)
-_TEMPLATE = ENVIRONMENT.overlay(loader=_LOADER).get_template("page.html.j2")
+_TEMPLATE = templates.ENVIRONMENT.overlay(loader=_LOADER).get_template("page.html.j2")
 
 
 def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
@@ -52,7 +51,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
     text = _TEMPLATE.render(
         title=title,
         message=message,
-        css=Markup(css()),
+        css=Markup(palette.css()),
         every_s=None if coach.phase == ENDED else EVERY_S,
         phase=coach.phase,
         time_s=coach.time_s,

@@ -13,10 +13,9 @@ from shukotsu.coach.coach import CoachedHand
 from shukotsu.errors import InputError
 from shukotsu.fit.measurements import Measurement
 from shukotsu.hand.known_digits import no_whole_hand
-from shukotsu.study.config_files import read_config
+from shukotsu.study import config_files, plan
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
-from shukotsu.study.plan import rows_of_session
 from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, Row, Sheet, read_sheet, sheet_rows
 from shukotsu.study.study import SIZES
 from shukotsu.tables import limits, text_files, whole_files
@@ -38,11 +37,11 @@ def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> 
 
     layout : layout to use instead of the study's. Raises InputError if the study cannot be read.
     """
-    config = read_config(study, "study")
+    config = config_files.read_config(study, "study")
     whose = {"subject": subject, "hand": hand}
     people = _rows(study, config, PARTICIPANTS, {"subject": subject})
     sizes_mm = {name: people[0][name] for name in SIZES} if people else {}
-    rows = rows_of_session(_rows(study, config, MEASUREMENTS, whose), MEASUREMENTS, "")
+    rows = plan.rows_of_session(_rows(study, config, MEASUREMENTS, whose), MEASUREMENTS, "")
     measurements = tuple(Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows)
     models = [read_model(name, study.parent) for name in [*config["models"], USUAL_MODEL]]
     model = next(model for model in models if model.fitting is not None and model.fitting.steps)
@@ -103,7 +102,7 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
         If the sheet cannot be written; it is left unchanged.
 
     """
-    config = read_config(study, "study")
+    config = config_files.read_config(study, "study")
     key = {**whose, "session": "", "task": TASK}
     trials = {row["trial"] for row in _rows(study, config, RECORDINGS, key)}
     trial = next(name for name in ("", *map(str, range(2, len(trials) + 3))) if name not in trials)

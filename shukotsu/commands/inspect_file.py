@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from shukotsu import command_line
 from shukotsu.errors import InputError
 from shukotsu.study.file_formats import AUTO, FORMATS, format_of, function_of
-from shukotsu.tables.limits import check_regular
-from shukotsu.tables.text_files import reading
+from shukotsu.tables import limits, text_files
 
 if TYPE_CHECKING:
     from shukotsu.readers.inspection.description import Description
@@ -118,8 +117,8 @@ def describe(path: Path, layout: Layout | str, name: str = AUTO) -> Description:
     layout : layout, or name of one, whose segments are looked for in it. name : of its format, or AUTO.
     Raises InputError if the file does not exist, is empty or is of an unknown kind.
     """
-    with reading(path, "a recording", "expected a recording"):
-        if not check_regular(path, "a recording"):
+    with text_files.reading(path, "a recording", "expected a recording"):
+        if not limits.check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
     form = format_of(path, name) or FORMATS["csv"]
     if form is FORMATS["capture"]:  # before YAML is needed, which the recorder alone lacks

@@ -12,8 +12,7 @@ from shukotsu.report import table_cells
 from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, PlotMark
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import DataTable, PageColumn, number
-from shukotsu.study import verdict
-from shukotsu.study.findings import PROBLEMS
+from shukotsu.study import findings, verdict
 from shukotsu.study.layout import Layout
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, tr, translated, word
@@ -50,7 +49,7 @@ _DOUBT_TEXTS: Mapping[str, str] = {
         "the receivers disagree by {gap_mm:.0f} mm, more than the stated error explains: a loose receiver, "
         "a wrong quaternion order or angle convention, or thick skin"
     ),
-    verdict.TOO_CLOSE: str(PROBLEMS[verdict.TOO_CLOSE]),
+    verdict.TOO_CLOSE: str(findings.PROBLEMS[verdict.TOO_CLOSE]),
     verdict.UNCERTAIN: N_("the error exceeds {wanted_mm:g} mm (1 sigma, 3-D)"),
     verdict.ONE_WAY: N_(
         "the error exceeds {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"

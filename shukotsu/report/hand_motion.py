@@ -16,9 +16,8 @@ import numpy as np
 
 from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError
-from shukotsu.hand.known_digits import root_of
+from shukotsu.hand import known_digits, rotations
 from shukotsu.hand.posing import PosedRecording, ReceiverPoint, Skeleton, digit_points
-from shukotsu.hand.rotations import matrix
 from shukotsu.report.belief import BELIEVED, belief
 from shukotsu.study.layout import Layout, Vector
 from shukotsu.tables.poses import Poses
@@ -126,7 +125,7 @@ def hand_motion(
     Raises InputError if the receiver to which the view is fixed has none, since the hand's orientation is
     then unknown.
     """
-    base = root_of(layout)
+    base = known_digits.root_of(layout)
     worn = np.asarray(poses.valid.any(axis=0))
     if not worn[poses.index(base)]:
         raise InputError(
@@ -207,7 +206,7 @@ def view_points(motion: HandMotion, frames: Integers, world_mm: Array) -> Array:
 
     The result is NaN if the base has no pose.
     """
-    turn = matrix(motion.receiver_quaternion[frames, motion.base])
+    turn = rotations.matrix(motion.receiver_quaternion[frames, motion.base])
     origin = motion.receiver_mm[frames, motion.base]
     return np.asarray((world_mm - origin[:, None]) @ turn @ upright(motion).T)
 
@@ -233,7 +232,7 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
     """
     open_pose, best = None, (0, -np.inf)
     for poses in blocks:
-        base = poses.index(root_of(layout))
+        base = poses.index(known_digits.root_of(layout))
         counts = np.where(poses.valid[:, base], poses.valid.sum(1), 0)
         rows = np.flatnonzero(counts == counts.max(initial=1))
         if len(rows):

@@ -11,9 +11,8 @@ import numpy as np
 
 from shukotsu.arrays import Array, Integers
 from shukotsu.errors import InputError, reading_user_tables
+from shukotsu.hand import posed_recording, rotations
 from shukotsu.hand.digit_chain import Rows
-from shukotsu.hand.posed_recording import QUATERNION
-from shukotsu.hand.rotations import rotate, unit
 from shukotsu.study.layout import Layout
 from shukotsu.study.stated_error import halves_mm2, is_within_95
 from shukotsu.study.verdict import NOT_WORN
@@ -236,13 +235,13 @@ def directions(quaternion: Array) -> Array:
         Unit vectors towards the tip, in the transmitter frame.
 
     """
-    return np.asarray(rotate(quaternion, DISTAL))
+    return np.asarray(rotations.rotate(quaternion, DISTAL))
 
 
 def _digits(folder: Path) -> dict[str, TrueDigit]:
     """Read the truth of the digits that are in both tables, tips and metacarpals."""
     tips = _by_digit(folder, TIPS, ("frame", *TIP, "error_mm"))
-    metacarpals = _by_digit(folder, METACARPALS, ("frame", *QUATERNION, "length_mm"))
+    metacarpals = _by_digit(folder, METACARPALS, ("frame", *posed_recording.QUATERNION, "length_mm"))
     digits = {}
     for digit in tips.keys() & metacarpals.keys():
         tip, bone = tips[digit], metacarpals[digit]
@@ -312,7 +311,7 @@ def _average_rows(rows: Sequence[JointCentresRow]) -> JointCentresRow:
         centre_mm = np.average([vector_of(row, side, "_mm") for row in rows], 0, frames)
         mean |= vector_columns(side, centre_mm, "_mm")
         axis = np.average([vector_of(row, f"axis_{side}") for row in rows], 0, frames)
-        mean |= vector_columns(f"axis_{side}", unit(axis))
+        mean |= vector_columns(f"axis_{side}", rotations.unit(axis))
     return mean
 
 
