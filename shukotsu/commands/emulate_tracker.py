@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 from shukotsu import command_line
@@ -40,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def emulate(options: argparse.Namespace) -> None:
     """Check the options, then serve a port or write an archive."""
-    from shukotsu.tracker.conversation import parse_stations
+    from shukotsu.tracker.conversation import StopRequest, parse_stations, stop_on_signals
     from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
     from shukotsu.tracker.emulator import Emulator, PtyPort, TcpPort, serve, write_archive
 
@@ -69,14 +69,10 @@ def emulate(options: argparse.Namespace) -> None:
         raise InputError(f"--tcp: is {options.tcp!r}; expected a port of this machine, such as 4001")
     link = None if options.pty == Path() else options.pty
     port = PtyPort(link) if options.tcp is None else TcpPort(host, int(number))
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _frame: signals.append(received))
-    print(port.name, flush=True)
-    try:
-        serve(Emulator(device, port.write, time.perf_counter_ns()), port, lambda: bool(signals))
-    finally:
-        port.close()
+    stop = StopRequest()
+    with stop_on_signals(stop), closing(port):
+        print(port.name, flush=True)
+        serve(Emulator(device, port.write, time.perf_counter_ns()), port, lambda: bool(stop))
 
 
 main = command_line.script(build_parser, emulate)

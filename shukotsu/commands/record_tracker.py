@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -70,21 +71,17 @@ def record_tracker(options: argparse.Namespace) -> None:
     if not options.ask and (options.out is None or options.out.suffix != ".arrows"):
         raise InputError(f"--out: is {options.out or 'missing'}; expected a name that ends with .arrows")
     stop = conversation.StopRequest()
-    with conversation.stop_on_signals(stop):
-        port = open_port(options.port, options.baud)
-        try:
-            if options.ask:
-                for line in session.check(port, request, stop):
-                    print(line, flush=True)
-                return
-            other = ("out", "note", "devices", "ask")
-            stated = {name: value for name, value in vars(options).items() if name not in other}
-            about = {"options": stated, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
-            notes = tuple(options.note)
-            plan = session.RecordingPlan(options.out, request, options.duration, notes, options.quiet)
-            ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
-        finally:
-            port.close()
+    with conversation.stop_on_signals(stop), closing(open_port(options.port, options.baud)) as port:
+        if options.ask:
+            for line in session.check(port, request, stop):
+                print(line, flush=True)
+            return
+        other = ("out", "note", "devices", "ask")
+        stated = {name: value for name, value in vars(options).items() if name not in other}
+        about = {"options": stated, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
+        notes = tuple(options.note)
+        plan = session.RecordingPlan(options.out, request, options.duration, notes, options.quiet)
+        ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
     out, port = options.out, options.port
     if ending.totals is None:
         print(f"stopped before the first frame ({ending.reason}); no file is left", file=sys.stderr)
