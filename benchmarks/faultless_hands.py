@@ -9,8 +9,8 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks import other_hands
-from benchmarks.other_hands.person import Facing
+from benchmarks.other_hands.person import Facing, draw_person
+from benchmarks.other_hands.recording import DrawnRecording, Session, record
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.hypotheses import TIDY, Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, rotate
@@ -68,7 +68,7 @@ def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     """Record an ordinary hand of the independent simulator.
 
     The direction in which the thumb metacarpal's receiver faces depends on the seed. task : rom, opposition,
-    grip, typing or piano. recorded : fields of `other_hands.Session`.
+    grip, typing or piano. recorded : fields of `other_hands.recording.Session`.
     """
     return Planted(other_recording(seed, hand, task, {}, **recorded).poses, hand)
 
@@ -78,11 +78,11 @@ FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
 
 def other_recording(
     seed: int, hand: str, task: str, drawn: Mapping[str, Any], **recorded: Any
-) -> other_hands.DrawnRecording:
+) -> DrawnRecording:
     """Record a hand of the independent simulator with its truth; drawn : arguments of `draw_person`."""
-    person = other_hands.draw_person(seed, **{"thumb_facing": FACINGS[seed % len(FACINGS)], **drawn})
-    session = other_hands.Session(**{"duration_s": 7.5, **recorded})
-    return other_hands.record(person, hand, "calibration" if task == "rom" else task, seed, session)
+    person = draw_person(seed, **{"thumb_facing": FACINGS[seed % len(FACINGS)], **drawn})
+    session = Session(**{"duration_s": 7.5, **recorded})
+    return record(person, hand, "calibration" if task == "rom" else task, seed, session)
 
 
 def _other_odd(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:

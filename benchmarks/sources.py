@@ -242,8 +242,8 @@ def one_hand(first_seed: int, seed: int) -> Fitted:
     skin = MESH if source == RIG else SKINS[(turn + at) % len(SKINS)]
     person = draw(source, skin, seed, ("right", "left")[seed % 2])
     fit = fit_without(source, person)
-    joints = two_drawings.joint_errors(source, person, fit)
-    lengths = two_drawings.length_errors(source, person, fit)
+    joints = two_drawings.joint_errors(person, fit)
+    lengths = two_drawings.length_errors(person, fit)
     return Fitted(source, skin, tuple(joints), tuple(lengths))
 
 

@@ -8,8 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks import faultless_hands, other_hands
+from benchmarks import faultless_hands
 from benchmarks.benchmark_table import PrintedTable, of_each_person, percent
+from benchmarks.other_hands.recording import true_centres
 from shukotsu.arrays import Array
 from shukotsu.fit import chain_builder, fitted_motion, hand_tables
 from shukotsu.fit.fit import HandFit, fit_hand
@@ -70,8 +71,8 @@ class JointErrors:
 
     Attributes
     ----------
-    drawing, joint : str
-        Simulator and joint.
+    joint : str
+        The joint.
     off_mm : array, shape (2, 3)
         Error of the centre in the parent's and in the child's receiver.
     inside : tuple of bool
@@ -87,14 +88,13 @@ class JointErrors:
 
     """
 
-    drawing: str
     joint: str
     off_mm: Array
     inside: tuple[bool | None, ...]
     sd_mm: float
     posed_mm: float
     slope: float
-    believed: bool = True
+    believed: bool
 
     @property
     def child_mm(self) -> float:
@@ -111,7 +111,6 @@ class JointErrors:
 class LengthError:
     """Error of a bone's length; inside : whether it is within the stated 95 %."""
 
-    drawing: str
     bone: str
     off_mm: float
     true_mm: float
@@ -120,11 +119,11 @@ class LengthError:
 
 def run(n_hands: int, seed: int) -> Iterator[PrintedTable]:
     """Yield the tables over n_hands hands of each simulator."""
-    hands = [
-        hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
-    ]
-    joints = [error for errors, _ in hands for error in errors]
-    lengths = [error for _, errors in hands for error in errors]
+    joints, lengths = {}, {}
+    for drawing in (OWN, OTHER):
+        hands = of_each_person(partial(one_hand, drawing), n_hands, seed)
+        joints[drawing] = [error for errors, _ in hands for error in errors]
+        lengths[drawing] = [error for _, errors in hands for error in errors]
     yield errors_table(joints, lengths)
     yield kinds_table(joints)
 
@@ -134,7 +133,7 @@ def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[LengthErr
     draw = _own if drawing == OWN else _other
     drawn = draw(seed, ("right", "left")[seed % 2])
     fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
-    return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
+    return list(joint_errors(drawn, fit)), list(length_errors(drawn, fit))
 
 
 def _own(seed: int, hand: str) -> Drawn:
@@ -159,7 +158,7 @@ def simulated_hand(simulated: Simulated) -> Drawn:
 def _other(seed: int, hand: str) -> Drawn:
     recording = faultless_hands.other_recording(seed, hand, "rom", {}, duration_s=DURATION_S)
     truth = {
-        joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
+        joint.name: np.array([true_centres(recording, joint.name, end) for end in ends])
         for joint in read_layout(LAYOUT).solvable
         if {*(ends := (joint.parent_receiver, joint.child))} <= {*recording.poses.segments}
     }
@@ -168,7 +167,7 @@ def _other(seed: int, hand: str) -> Drawn:
     return Drawn(recording.poses, hand, truth, centre_mm, flexion_deg, lengths_mm)
 
 
-def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
+def joint_errors(drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
     """Compare the joints of a fit with the truth."""
     step = max(1, len(drawn.poses.frame) // POSED_FRAMES)
     rows = np.arange(0, len(drawn.poses.frame), step)
@@ -186,17 +185,16 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
         inside = tuple(map(stated_error.is_within_95, off_mm, stated))
         posed_off_mm = float(np.nanmean(np.linalg.norm(posed_mm - drawn.centre_mm[name][rows], axis=1)))
         slope = float(np.polyfit(drawn.flexion_deg[name][rows], flexion, 1)[0])
-        is_believed = name in believed
-        yield JointErrors(drawing, name, off_mm, inside, joint.sd_mm, posed_off_mm, slope, is_believed)
+        yield JointErrors(name, off_mm, inside, joint.sd_mm, posed_off_mm, slope, name in believed)
 
 
-def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[LengthError]:
+def length_errors(drawn: Drawn, fit: HandFit) -> Iterator[LengthError]:
     """Compare the lengths of a fit with the truth, except last bones, which end in soft tissue."""
     for name, bone in fit.bones.items():
         if not name.endswith("_distal"):
             off_mm = bone.length_mm - drawn.lengths_mm[name]
             inside = abs(off_mm) <= COVERED_95_SD * bone.sd_mm
-            yield LengthError(drawing, name, off_mm, drawn.lengths_mm[name], inside)
+            yield LengthError(name, off_mm, drawn.lengths_mm[name], inside)
 
 
 def centre_numbers(joints: Sequence[JointErrors]) -> tuple[float, float, float]:
@@ -206,17 +204,14 @@ def centre_numbers(joints: Sequence[JointErrors]) -> tuple[float, float, float]:
     return float(np.median(mm)), float(np.percentile(mm, 90)), inside
 
 
-def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
-    names = dict.fromkeys(joint.drawing for joint in joints)
-    return {name: [joint for joint in joints if joint.drawing == name] for name in names}
-
-
-def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) -> PrintedTable:
-    """Return the table of errors of centres, lengths and angles by simulator."""
+def errors_table(
+    joints: Mapping[str, Sequence[JointErrors]], lengths: Mapping[str, Sequence[LengthError]]
+) -> PrintedTable:
+    """Return the table of errors of centres, lengths and angles; joints, lengths : by simulator."""
     rows = []
-    for name, of_drawing in _by_drawing(joints).items():
+    for name, of_drawing in joints.items():
         posed = [error.posed_mm for error in of_drawing]
-        bones = [error for error in lengths if error.drawing == name]
+        bones = lengths[name]
         middle = [100 * error.off_mm / error.true_mm for error in bones if error.bone.endswith("_middle")]
         median, p90, inside = centre_numbers(of_drawing)
         believed = [error for error in of_drawing if error.believed]
@@ -253,11 +248,11 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[LengthError]) 
     return PrintedTable("two drawings: errors", columns, rows, meaning)
 
 
-def kinds_table(joints: Sequence[JointErrors]) -> PrintedTable:
-    """Return the table of errors and coverage by kind of joint."""
+def kinds_table(joints: Mapping[str, Sequence[JointErrors]]) -> PrintedTable:
+    """Return the table of errors and coverage by kind of joint; joints : by simulator."""
     rows = [
         (name, kind, *centre_numbers([error for error in of_drawing if error.joint in names]))
-        for name, of_drawing in _by_drawing(joints).items()
+        for name, of_drawing in joints.items()
         for kind, names in JOINT_TYPES.items()
     ]
     columns = ("drawing", "joints", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")

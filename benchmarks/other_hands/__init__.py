@@ -4,8 +4,3 @@ one.
 It is based only on published anatomy and on the descriptions of layouts, and shares nothing but the format of
 poses with the project's simulator.
 """
-
-from benchmarks.other_hands.person import Person, draw_person
-from benchmarks.other_hands.recording import DrawnRecording, Session, record, true_centres
-
-__all__ = ["DrawnRecording", "Person", "Session", "draw_person", "record", "true_centres"]

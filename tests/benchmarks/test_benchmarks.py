@@ -40,7 +40,7 @@ def test_a_fitted_hand_is_compared_with_its_truth(drawing: str, monkeypatch: pyt
     assert len(joints) == 15
     assert {length.bone.split("_")[1] for length in lengths} == {"metacarpal", "proximal", "middle"}
     assert 0.3 < np.median([joint.child_mm for joint in joints]) < 2.0
-    (row,) = errors_table(joints, lengths).rows
+    (row,) = errors_table({drawing: joints}, {drawing: lengths}).rows
     assert row[11] == pytest.approx(100 * sum(joint.believed for joint in joints) / 15)
     assert row[11] > 40
 
