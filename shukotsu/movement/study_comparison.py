@@ -24,12 +24,12 @@ import pandas as pd
 
 from shukotsu.arrays import Float
 from shukotsu.errors import list_names
-from shukotsu.scores import paired_statistics
+from shukotsu.scores import observations, paired_statistics
 from shukotsu.scores.paired_statistics import FEWEST_IN_GROUP, FEWEST_REPEATED, FEWEST_SUBJECTS, LEVEL
 from shukotsu.study.results import Results
 from shukotsu.study.study import OWN_FACTORS
 from shukotsu.tables import catalogue
-from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, write_table
 from shukotsu.translation import tr
 
 if TYPE_CHECKING:
@@ -454,7 +454,9 @@ def compare_study(
     levels : from `factor_levels`. factors : the factors that are compared pair by pair. sheets : their files,
     for the tables' metadata. Raises TableError if a table is damaged.
     """
-    problems = _read(results, catalogue.PROBLEMS, ["subject", "session", "hand", "severity"])
+    problems = observations.study_frame(
+        results, catalogue.PROBLEMS, ["subject", "session", "hand", "severity"]
+    )
     everything = mark_suspect(levels, factors, problems)
     inputs = [results.study_table(name) for name in (catalogue.PROBLEMS.name, *TABLES)]
     provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
@@ -476,11 +478,6 @@ def _numbers(results: Results, everything: RecordingLevels) -> Iterator[tuple[Co
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
         listed = list(quantities)
         columns = dict.fromkeys([*listed[0].of, *(quantity.name for quantity in listed)])
-        whole = _read(results, TABLES[name], [*RECORDING, "model", *columns])
+        whole = observations.study_frame(results, TABLES[name], [*RECORDING, "model", *columns])
         for quantity in listed:
             yield quantity, numbers_of(quantity, whole, counted)
-
-
-def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
-    frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
-    return frame

@@ -91,8 +91,9 @@ class HandMotion:
     frame : (T,), recorded frame numbers. time_s : (T,), device times, NaN if unknown. every : number of
     recorded frames per frame kept here. receiver_mm : (T, R, 3). receiver_quaternion : (T, R, 4), unit, (w,
     x, y, z), receiver to transmitter frame. Both are NaN if not valid. base : index of the receiver to which
-    the view is fixed. distal, dorsal : unit vectors in its frame. paper : name of the paper's skeleton, if it
-    is included. begins_s : time from the recording's first frame to the first frame here.
+    the view is fixed. upright : (3, 3), rows: the view's axes in its frame: right, up (distal), to the
+    viewer, who sees the back of the hand. paper : name of the paper's skeleton, if it is included. begins_s :
+    time from the recording's first frame to the first frame here.
     """
 
     hand: str
@@ -104,8 +105,7 @@ class HandMotion:
     receiver_mm: Array
     receiver_quaternion: Array
     base: int
-    distal: Vector
-    dorsal: Vector
+    upright: Array
     skeletons: tuple[ShownSkeleton, ...]
     paper: str = ""
     begins_s: float = 0.0
@@ -132,6 +132,7 @@ def hand_motion(
             f"the receiver of {base} has no valid pose; without it no view of the hand is upright"
         )
     valid = poses.valid[..., None]
+    distal, dorsal = np.array(layout.segments[base].distal), np.array(layout.segments[base].dorsal)
     return HandMotion(
         hand=hand,
         digits=tuple(layout.digits),
@@ -142,8 +143,8 @@ def hand_motion(
         receiver_mm=np.where(valid, poses.position_mm, np.nan)[:, worn],
         receiver_quaternion=np.where(valid, poses.quaternion, np.nan)[:, worn],
         base=int(worn[: poses.index(base)].sum()),
-        distal=layout.segments[base].distal,
-        dorsal=layout.segments[base].dorsal,
+        # right is not the lateral axis, whose sign a layout does not fix, so that no hand is mirrored
+        upright=np.stack([np.cross(distal, dorsal), distal, dorsal]),
         skeletons=tuple(skeletons),
         paper=paper,
     )
@@ -191,16 +192,6 @@ def shown_first(motion: HandMotion) -> tuple[int, ...]:
     return (first, *others[:1])
 
 
-def upright(motion: HandMotion) -> Array:
-    """Return the view's axes as rows (3, 3) in the base receiver's frame: right, up (distal), to the viewer.
-
-    The viewer sees the back of the hand. Right is distal x dorsal rather than the lateral axis, whose sign a
-    layout does not fix, so that no hand is mirrored.
-    """
-    distal, dorsal = np.array(motion.distal), np.array(motion.dorsal)
-    return np.stack([np.cross(distal, dorsal), distal, dorsal])
-
-
 def view_points(motion: HandMotion, frames: Integers, world_mm: Array) -> Array:
     """Transform points (F, n, 3), mm, of the frames with indices (F,) from the world to the view's axes.
 
@@ -208,7 +199,7 @@ def view_points(motion: HandMotion, frames: Integers, world_mm: Array) -> Array:
     """
     turn = rotations.matrix(motion.receiver_quaternion[frames, motion.base])
     origin = motion.receiver_mm[frames, motion.base]
-    return np.asarray((world_mm - origin[:, None]) @ turn @ upright(motion).T)
+    return np.asarray((world_mm - origin[:, None]) @ turn @ motion.upright.T)
 
 
 def still_frame(motion: HandMotion, skeleton: ShownSkeleton) -> int:

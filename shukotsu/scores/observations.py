@@ -122,19 +122,19 @@ def read_scores(study: Study, results: Results) -> ScoredStudy:
         If a table does not exist or is damaged.
 
     """
-    problems = _read(results, PROBLEMS, [*_HAND, "severity"])
+    problems = study_frame(results, PROBLEMS, [*_HAND, "severity"])
     suspect = problems.loc[problems["severity"] == "suspect", _HAND].drop_duplicates()
     return ScoredStudy(
         subjects=tuple(dict.fromkeys(recording.hand.subject for recording in study.recordings)),
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
         layouts={hand: study.judged_layout(hand) for hand in study.hands},
-        scores=_without(_read(results, SKELETON_SCORES, _SCORE_COLUMNS), suspect),
-        errors=_without(_read(results, JOINT_ERRORS, _ERROR_COLUMNS), suspect),
-        recordings=_read(results, RECORDINGS, _RECORDING_COLUMNS),
+        scores=_without(study_frame(results, SKELETON_SCORES, _SCORE_COLUMNS), suspect),
+        errors=_without(study_frame(results, JOINT_ERRORS, _ERROR_COLUMNS), suspect),
+        recordings=study_frame(results, RECORDINGS, _RECORDING_COLUMNS),
     )
 
 
-def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
+def study_frame(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
     """Read columns of a study table as a data frame."""
     frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
     return frame

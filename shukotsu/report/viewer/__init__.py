@@ -181,7 +181,7 @@ def _header(motion: HandMotion) -> dict[str, Any]:
         "receivers": motion.receivers,
         "base": motion.base,
         "firstBase": int(np.argmax(based)),
-        "upright": hand_motion.upright(motion).ravel().tolist(),
+        "upright": motion.upright.ravel().tolist(),
         "middle": middle.round(1).tolist(),
         "half": half.round(1).tolist(),
         "shown": hand_motion.shown_first(motion),
