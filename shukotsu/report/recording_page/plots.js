@@ -385,7 +385,7 @@ class Plots {
 
   listen() {
     const {root, part, viewer} = this;
-    viewer.onframe(() => this.follow());
+    on(document, "viewermoved", () => this.follow());
     on(document, "viewertold", () => this.hovered ?? this.tell());
     on(document, "viewershown", () => {
       if (!this.picked) this.choose();

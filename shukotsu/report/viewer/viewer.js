@@ -2,10 +2,9 @@
 /* The moving hand: reads what Python packs (__init__.py) and draws it with WebGL 2. Lengths are mm, times s.
    Nothing moves before Play is pressed, so that prefers-reduced-motion has nothing to turn off.
    An element with data-hand-viewer gets a property `viewer` and sends "viewerloaded", "viewerready" where it can
-   draw, then "viewershown" when other skeletons are chosen and "viewertold" with new words; all bubble. Without
-   WebGL a still picture stands for the hand, and all else goes on.
+   draw, then "viewermoved" with another frame, "viewershown" when other skeletons are chosen and "viewertold" with
+   new words; all bubble. Without WebGL a still picture stands for the hand, and all else goes on.
      viewer.goTo(index), viewer.play(), viewer.pause(); viewer.index, viewer.last
-     viewer.onframe(callback) called with {index, frame, time}
      viewer.shown: places in header.skeletons of those in view; viewer.pictures(): the same by picture
      viewer.frames, viewer.times: of each index; viewer.header.extra: what the page was given besides
      viewer.blocks[name]: {values, count, width}, values in the order (index, item, part), NaN in gaps */
@@ -226,7 +225,7 @@ class HandViewer {
   constructor(root, header, blocks) {
     const {digits, skeletons} = header;
     Object.assign(this, {root, header, digits, skeletons, blocks, index: 0, asleep: true, playing: false});
-    Object.assign(this, {listeners: [], times: blocks.time.values, frames: blocks.frame.values});
+    Object.assign(this, {times: blocks.time.values, frames: blocks.frame.values});
     Object.assign(this, {last: this.frames.length - 1, shown: header.shown, part: partsOf(root)});
     this.canvas = this.part.canvas;
     this.painter = new Painter(this.canvas);
@@ -468,11 +467,8 @@ class HandViewer {
     if (index === this.index) return;
     this.index = index;
     this.wake();
-    const now = {index, frame: this.frames[index], time: this.times[index]};
-    this.listeners.forEach((callback) => callback(now));
+    this.send("viewermoved");
   }
-
-  onframe(callback) { this.listeners.push(callback); }
 
   wake(calm = false) {
     this.calm = calm;
