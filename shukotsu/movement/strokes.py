@@ -170,8 +170,12 @@ def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _W
     return _Window(even_s, paths[..., :3], paths[..., 3:], np.array(sds))
 
 
-def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
-    """Return times (C,) near an event, and the tips' velocities (C, D, 3) just before and after each."""
+_Losses = tuple[Array, Array, Array]
+"""Times (C,) near an event, and the tips' velocities (C, D, 3) just before and just after each of them."""
+
+
+def _losses(window: _Window, event: StruckEvent) -> _Losses:
+    """Return the velocities of all tips near an event, by which the tip that lost most speed is found."""
     step_s = float(window.time_s[1] - window.time_s[0])
     half = max(1, round(SLOPE_S / step_s / 2))
     wide = [(half, half), (0, 0), (0, 0)]
@@ -181,7 +185,7 @@ def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
     return window.time_s[near], slopes[near], slopes[near + 2 * half]
 
 
-def _way_down(losses: Sequence[tuple[Array, Array, Array]]) -> Array:
+def _way_down(losses: Sequence[_Losses]) -> Array:
     """Return the direction (3,) in which tips lose speed, the median over all events."""
     ways = []
     for _, before, after in losses:
@@ -193,11 +197,7 @@ def _way_down(losses: Sequence[tuple[Array, Array, Array]]) -> Array:
 
 
 def _stroke(
-    event: StruckEvent,
-    window: _Window,
-    losses: tuple[Array, Array, Array],
-    digits: Sequence[str],
-    down: Array,
+    event: StruckEvent, window: _Window, losses: _Losses, digits: Sequence[str], down: Array
 ) -> EventStrokesRow:
     """Find the digit that made an event and measure its stroke; return columns of event_strokes."""
     time_s, before, after = losses

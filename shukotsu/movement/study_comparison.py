@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from shukotsu.arrays import Float
+from shukotsu.arrays import Array, Float
 from shukotsu.errors import list_names
 from shukotsu.scores import observations, paired_statistics
 from shukotsu.scores.paired_statistics import FEWEST_IN_GROUP, FEWEST_REPEATED, FEWEST_SUBJECTS, LEVEL
@@ -288,7 +288,7 @@ def difference_rows(
 
 def _cells(
     wide: pd.DataFrame, names: Sequence[str]
-) -> Iterator[tuple[tuple[str, ...], list[str], Float[np.ndarray, "n k"]]]:
+) -> Iterator[tuple[tuple[str, ...], list[str], Float[Array, "n k"]]]:
     """Yield the key, subjects and values of each combination of the index levels `names`, in order.
 
     wide : indexed by the names and the subject, with k columns. Values of n subjects are (n, k), NaN if
@@ -315,7 +315,7 @@ def judge(rows: Sequence[MovementDifferencesRow]) -> None:
 
 
 def _difference_row(
-    subjects: Sequence[str], values: Float[np.ndarray, "n 2"], pair: LevelPair
+    subjects: Sequence[str], values: Float[Array, "n 2"], pair: LevelPair
 ) -> MovementDifferencesRow:
     """Return a comparison's columns; values : (n, 2), of the subjects at both levels, NaN if missing."""
     counts = np.array([[name in may for may in pair.candidates] for name in subjects]) & ~np.isnan(values)
@@ -324,7 +324,7 @@ def _difference_row(
         counts[:] = counts.all(1, keepdims=True)
     first, other = values[counts[:, 0], 0], values[counts[:, 1], 1]
     n, m = len(first), len(other)
-    used = {name for name, counted in zip(subjects, counts.any(1), strict=True) if counted}
+    used = {name for name, counted in zip(subjects, np.asarray(counts.any(1)), strict=True) if counted}
     n_left_out, reason = pair.left_out(used)
     row: MovementDifferencesRow = {"n": n, "n_other": m, "left_out": n_left_out, "left_out_reason": reason}
     if n and m:
@@ -407,10 +407,7 @@ def _reasons(everything: RecordingLevels) -> dict[tuple[str, str], dict[str, str
 
 
 def _reliability_row(
-    subjects: Sequence[str],
-    values: Float[np.ndarray, "n k"],
-    levels: Sequence[str],
-    absent: Mapping[str, str],
+    subjects: Sequence[str], values: Float[Array, "n k"], levels: Sequence[str], absent: Mapping[str, str]
 ) -> MovementReliabilityRow:
     """Return the columns of one quantity's repeatability, empty if no subject has two values.
 
@@ -422,7 +419,7 @@ def _reliability_row(
         return {}
     is_shared = seen.sum(0) * 2 >= len(values)
     shared = [level for level, counts in zip(levels, is_shared, strict=True) if counts]
-    in_all = seen[:, is_shared].all(1)
+    in_all = np.asarray(seen[:, is_shared].all(1))
     dropped = [subject for subject, complete in zip(subjects, in_all, strict=True) if not complete]
     reasons = {subject: f"not in all of {list_names(shared)}" for subject in dropped} | dict(absent)
     n, k = int(in_all.sum()), len(shared)

@@ -251,8 +251,6 @@ class Reliability:
 
     Attributes
     ----------
-    n : int
-        Number of subjects.
     agreement, consistency : Icc
         ICC(2,1) and ICC(3,1).
     sem : float
@@ -262,7 +260,6 @@ class Reliability:
 
     """
 
-    n: int
     agreement: Icc
     consistency: Icc
     sem: float
@@ -295,7 +292,7 @@ def reliability(values: Float[Array, "n k"]) -> Reliability:
     low, high = (math.sqrt(within * freedom / chdtri(freedom, share)) for share in (LEVEL / 2, 1 - LEVEL / 2))
     agreement = _agreement(n, k, of_subjects, of_sessions, rest)
     consistency = _consistency(n, k, of_subjects, rest)
-    return Reliability(n, agreement, consistency, math.sqrt(within), (low, high))
+    return Reliability(agreement, consistency, math.sqrt(within), (low, high))
 
 
 def mean_squares(values: Float[Array, "n k"]) -> tuple[float, float, float]:
