@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from shukotsu import command_line
 from shukotsu.errors import InputError
 
 if TYPE_CHECKING:
@@ -40,16 +41,11 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the first argument; every command parses the others itself."""
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {command.summary}" for name, command in COMMANDS.items()]
-    parser = argparse.ArgumentParser(
-        prog="shukotsu",
-        usage="shukotsu [-h] COMMAND ...",
-        description="A person's own hand skeleton from magnetic motion-capture receivers.\n\ncommands:\n"
-        + "\n".join(lines),
-        epilog="`shukotsu COMMAND --help` shows the options of a command, and an example.\n\n"
-        "example:\n  shukotsu new piano && cd piano\n  shukotsu run",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+    what = "A person's own hand skeleton from magnetic motion-capture receivers.\n\ncommands:\n"
+    more = "\n\n`shukotsu COMMAND --help` shows the options of a command, and an example."
+    example = "shukotsu new piano && cd piano\n  shukotsu run"
+    parser = command_line.parser("shukotsu", what + "\n".join(lines) + more, example)
+    parser.usage = "shukotsu [-h] COMMAND ..."
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help=argparse.SUPPRESS)
     return parser
 
