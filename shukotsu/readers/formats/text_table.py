@@ -49,7 +49,8 @@ class TextTable:
     open : returns a stream of its bytes. header : names of the columns, or their numbers from 1 if the text
     has no names; titles : the same, made unique. header_lines : number of lines up to and including the
     header. expected : how many cells a row must have, for messages. empty : additional texts that mean "no
-    value". ended : whether the last line is complete.
+    value". ended : whether the last line is complete. cut_bytes : length of a last line that was cut off
+    before its last cell and is not read, else 0.
     """
 
     path: Path
@@ -62,9 +63,14 @@ class TextTable:
     empty: tuple[str, ...] = ()
     decimal: str = "."
     ended: bool = True
+    cut_bytes: int = 0
 
     def cut_off(self, wanted: Iterable[str]) -> str:
-        """Return a sentence if the last row is dropped because its last cell is needed and may be cut off."""
+        """Return a sentence if the last row is dropped: it lacks cells, or its last one is needed and may be
+        cut off.
+        """
+        if self.cut_bytes:
+            return "the last line has no line end and too few cells, so it is cut off: the row is left out"
         if self.ended or self.titles[-1] not in wanted:
             return ""
         return "the last line has no line end, so its last number may be cut off: the row is left out"
@@ -114,7 +120,7 @@ class TextTable:
         return Cells(self.path, kept, locate, self.empty, self.decimal, empty_rows)
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
-        last = 1 if self.cut_off(wanted) else 0
+        last = 1 if self.cut_off(wanted) and not self.cut_bytes else 0
         # one thread, because each further thread keeps several blocks in memory
         read = pa_csv.ReadOptions(use_threads=False, block_size=read_bytes)
         read.column_names, read.skip_rows = list(self.titles), self.header_lines
@@ -127,8 +133,9 @@ class TextTable:
             text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
             held: list[pa.Table] = []
             with pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text) as source:
+                whole = source.get_stream(0, source.size() - self.cut_bytes)
                 try:
-                    for batch in pa_csv.open_csv(source, read, parse, convert):
+                    for batch in pa_csv.open_csv(whole, read, parse, convert):
                         if batch.num_rows:
                             yield from held
                             held = [pa.Table.from_batches([batch])]
@@ -221,8 +228,8 @@ def open_tidy_csv(path: Path) -> TextTable:
     """
     with text_files.reading(path), text_files.open_text(path) as stream:
         first = stream.readline(LINE_LETTERS)
-        stream.seek(max(0, stream.seek(0, io.SEEK_END) - 1))
-        ended = is_ended(stream.read())
+        stream.seek(max(0, stream.seek(0, io.SEEK_END) - LINE_LETTERS))
+        end = stream.read()
     separator = "\t" if b"\t" in first and b"," not in first else ","
     open_ = partial(text_files.open_text, path)
     line, header = next(iter(_first_records(path, open_, separator, 1)), (0, []))
@@ -232,7 +239,10 @@ def open_tidy_csv(path: Path) -> TextTable:
         f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
     )
     names = tuple(name.strip() for name in header)
-    return TextTable(path, open_, separator, names, _titles(names), line, expected, ended=ended)
+    ended, cut_bytes = is_ended(end), _cut_bytes(end, separator, len(names))
+    return TextTable(
+        path, open_, separator, names, _titles(names), line, expected, ended=ended, cut_bytes=cut_bytes
+    )
 
 
 def is_ended(data: bytes) -> bool:
@@ -241,6 +251,13 @@ def is_ended(data: bytes) -> bool:
     A line without a line end is complete, too, if it ends in a quotation mark or a blank.
     """
     return data[-1:] in (b"\n", b"\r", b" ", b'"')
+
+
+def _cut_bytes(end: bytes, separator: str, cells: int) -> int:
+    """Return the length of a text's last line if it has no line end and fewer cells than given, else 0."""
+    line = re.split(rb"[\r\n]", end)[-1]
+    bare = re.sub(rb'"[^"]*("|$)', b"", line)  # a separator in quotation marks separates nothing
+    return len(line) if bare.count(separator.encode()) < cells - 1 else 0
 
 
 def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
@@ -265,12 +282,12 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     width = len(rows[min(n_names, len(rows) - 1)])
     # either the header or the other rows may end in a separator
     names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
-    names = [name.strip() for name in names[:width]]
     expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter)"
     header = tuple(names if details["header"] else map(str, range(1, len(names) + 1)))
     header_lines = records[n_names - 1][0] if n_names else 0
     open_, titles, ended = partial(io.BytesIO, data), _titles(names), ended or data.endswith(b"\n")
-    form = header_lines, expected, missing, details["decimal"], ended
+    cut_bytes = _cut_bytes(data[-LINE_LETTERS:], separator, len(names))
+    form = header_lines, expected, missing, details["decimal"], ended, cut_bytes
     return TextTable(path, open_, separator, header, titles, *form)
 
 

@@ -170,6 +170,8 @@ def test_receivers_that_are_not_in_step_are_put_on_a_common_grid(tmp_path: Path)
         (HEADER, {}, "old.txt: has no rows"),
         (HEADER + ROWS + "\nModels\n1,2,3\n", {}, "old.txt: line 5: another table seems to begin here"),
         (HEADER + ROWS + "1,2,3\n", {}, "old.txt: line 4: has 3 cells; expected 13 as in the first line"),
+        (HEADER + "1,2,3\n" + ROWS, {}, "old.txt: line 2: has 3 cells; expected 13 as in the first line"),
+        (HEADER + "1,2,3", {}, "old.txt: has no rows; the last line has no line end and too few cells"),
         (HEADER + ROWS.replace("4.5", "four"), {}, "old.txt: line 3, column t: is 'four'; expected a number"),
         (HEADER + ROWS, {"decimal": ",", "delimiter": ";"}, "csv.time: column 't' is missing"),
         (
@@ -187,6 +189,14 @@ def test_a_table_that_contradicts_its_mapping_is_refused(
     tmp_path: Path, text: str, csv: dict[str, Any], message: str
 ) -> None:
     refuse(tmp_path, text, changed(WIDE, csv), message)
+
+
+@pytest.mark.parametrize("mark", [",", "\t"])
+def test_a_last_row_that_is_cut_off_is_left_out(tmp_path: Path, mark: str) -> None:
+    text, whole = (HEADER + ROWS).replace(",", mark), {"delimiter": {"\t": "tab"}.get(mark, mark)}
+    samples = read(tmp_path, f'{text}9{mark}"1{mark}2{mark}', changed(WIDE, whole))
+    np.testing.assert_array_equal(samples.frame[of(samples, "hand")], [0, 1])
+    assert "the last line has no line end and too few cells" in samples.losses[0]
 
 
 def test_a_first_row_of_missing_marks_is_a_gap_and_not_names(tmp_path: Path) -> None:

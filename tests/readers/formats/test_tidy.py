@@ -123,7 +123,7 @@ def test_a_bad_cell_is_refused_with_its_line_and_column(
         (TWO_ROWS.replace("qx", "qw"), "column qx is missing"),
         (TWO_ROWS.replace("\n", ",9\n").replace(",9", ",qw", 1), "column qw is given twice"),
         (TWO_ROWS.replace("segment", "segment,receiver"), "both columns segment and receiver; keep one"),
-        (TWO_ROWS[:-7], "line 3: has 7 cells; expected 10"),
+        (TWO_ROWS[:-7] + "\n", "line 3: has 7 cells; expected 10"),
         (TWO_ROWS.encode() + ROW.format(frame=9, segment="\xe9").encode("latin-1"), "line 4: is not UTF-8"),
     ],
 )
@@ -218,9 +218,10 @@ def test_reading_in_blocks_equals_reading_at_once(tmp_path: Path, ending: str) -
     assert [again.locate(row) for row in range(60)] == [whole.locate(row) for row in range(60)]
 
 
-@pytest.mark.parametrize("end", ["205.871", "205.", "2", ""])
+@pytest.mark.parametrize("end", [",0,0,205.871", ",0,0,205.", ",0,0,2", ",0,0,", ",0,", ", 0", ""])
 def test_a_last_line_without_a_line_end_is_not_read(end: str, tmp_path: Path) -> None:
-    samples = read(write(tmp_path, f"{HEADER}0,0,hand,1,2,3,1,0,0,0\n1,1,hand,1,2,3,1,0,0,{end}"))
+    """Whether it was cut off inside its last number or before."""
+    samples = read(write(tmp_path, f"{HEADER}0,0,hand,1,2,3,1,0,0,0\n1,1,hand,1,2,3,1{end}"))
     np.testing.assert_array_equal(samples.frame, [0])
     assert samples.losses == samples.notes
     assert "the last line has no line end" in samples.losses[0]
