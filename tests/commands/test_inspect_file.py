@@ -213,13 +213,43 @@ def test_a_trackers_text_output_is_drafted_by_station(run: Run) -> None:
     draft = yaml.safe_load(run.mapping.read_text("utf-8"))
     assert draft["csv"] | {"receiver": 1, "position": [2, 3, 4], "orientation": [5, 6, 7]} == draft["csv"]
     assert (draft["position_unit"], draft["csv"]["rows"]) == ("CHECK", "long")
-    assert draft["orientation"] == {"kind": "euler", "axes": "ZYX", "unit": "deg", **FORWARD}
-    answers = {"position_unit": "inch", "rate_hz": "240"}
+    assert draft["orientation"] == {"kind": "euler", "axes": "CHECK", "unit": "deg", "rotates": "CHECK"}
+    answers = {"position_unit": "inch", "rate_hz": "240", "axes": "ZYX", **FORWARD}
     samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
     hand = of(samples, "hand")
     assert samples.frame[hand].tolist() == [*range(30)]
     assert samples.frame[~hand].tolist() == [*range(7), *range(8, 29)]
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(30) + 0.5) * 25.4)
+
+
+@pytest.mark.parametrize("titles", ["frame,sensor,,,,,,", "frame,sensor,x,y,z,,,", "n,id,x,y,z,rot1,rot2,rot3"])
+def test_the_order_of_angles_in_a_long_table_is_left_open(run: Run, titles: str) -> None:
+    turned = Rotation.from_quat(TURNED, scalar_first=True).as_euler("XYZ", degrees=True)
+    rows = np.repeat(np.column_stack([np.arange(FRAMES), np.ones(FRAMES), 300 * PLACE, turned]), 2, axis=0)
+    rows[1::2, 1] = 2
+    path = run.write("long.csv", "".join(",".join(f"{v:.9g}" for v in row) + "\n" for row in rows))
+    path.write_text(f"{titles}\n{path.read_text()}")
+    run.drafted(path)
+    answers = {"position_unit": "mm", "rate_hz": "60", "axes": "XYZ", **FORWARD}
+    samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
+    numbers = samples.numbers[of(samples, "hand")]
+    np.testing.assert_allclose(numbers, np.concatenate([300 * PLACE, TURNED], 1), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "units"), [("R,,,,,,,,", 8 * ","), (8 * ",", 8 * ","), ("a,b,c,d,e,f,g,h,i", "1,1,1,1,1,1,1,1,1")]
+)
+def test_matrices_below_two_lines_of_titles_and_units_are_drafted(run: Run, names: str, units: str) -> None:
+    turned, commas = matrix(TURNED).reshape(-1, 9), 11 * ","
+    numbers = np.column_stack([np.arange(FRAMES) / 60, 300 * PLACE, turned, 200 * PLACE, turned[::-1]])
+    path = run.table("matrices.csv", "", numbers)
+    head = [f",hand{commas},forearm{commas}", "Time" + 2 * f",x,y,z,{names}", "s" + 2 * f",mm,mm,mm,{units}"]
+    path.write_text("\n".join([*head, path.read_text()]))
+    run.drafted(path)
+    samples = run.imported(path, FORWARD)
+    for segment, mm, order in (("hand", 300, 1), ("forearm", 200, -1)):
+        expected = np.concatenate([mm * PLACE, TURNED[::order]], 1)
+        np.testing.assert_allclose(samples.numbers[of(samples, segment)], expected, atol=2e-6)
 
 
 @pytest.mark.parametrize("prefix", ["", "S"])

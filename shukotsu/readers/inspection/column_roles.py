@@ -225,7 +225,7 @@ def pair_receivers(roles: Roles) -> list[tuple[list[str], list[str]]]:
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W0-9_A-Za-z]+")
 _KINDS = (
     "pos(ition)?|loc(ation)?|trans(lation)?|rot(ation)?|q(uat(ernion)?)?|ori(entation)?|att(itude)?|euler"
-    "|ang(le)?|mat(rix)?"
+    "|ang(le)?|mat(rix)?|number"
 )
 """Words for positions and orientations in titles; ignored when titles are paired."""
 
@@ -383,13 +383,14 @@ def _off_rotation(titles: Sequence[str], numbers: Mapping[str, Array], size: int
 
 
 def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], roles: Roles) -> None:
-    """Split columns into threes: angles if named so, or every second triple of unnamed columns."""
+    """Split columns into threes: angles if named so, or unnamed ones behind a position without angles."""
     whole = len(run) - len(run) % 3
     roles.aside.extend(run[whole:])
-    for index, triple in enumerate(list(run[start : start + 3]) for start in range(0, whole, 3)):
+    for triple in (list(run[start : start + 3]) for start in range(0, whole, 3)):
         named = _named_angles(triple)
         unnamed = all(title.startswith("number ") for title in triple)
-        second = unnamed and index % 2 == 1 and bool(np.nanmax(np.abs([numbers[t] for t in triple])) <= 360)
+        second = unnamed and len(roles.positions) > len(roles.angles)
+        second &= bool(np.nanmax(np.abs([numbers[t] for t in triple])) <= 360)
         (roles.angles if named or second else roles.positions).append(triple)
         if not named:
             roles.guessed.update(triple)

@@ -271,16 +271,14 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
         if all(map(column_roles.by_scalar, groups)):
             config["order"] = ("wxyz", column_roles.STATED)
     if kind == "euler" and groups:
-        config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
+        about = "about which axis each turns; ZYX if they are azimuth, elevation, roll"
+        config["axes"] = (CHECK, f"of {' '.join(groups[0])}: {about}")
         if all(map(column_roles.by_azimuth, groups)):
             config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
             rotates = (FORWARD, "as azimuth, elevation and roll of Polhemus trackers and the trakSTAR")
         elif all(re.search(r"(^|[\W_])r[xyz](?![a-z])", title, re.I) for title in groups[0]):
             other = "rotation-vector, as Vicon Nexus writes segments: then delete axes"
             config["kind"] = (CHECK, f"euler, or {other}")
-        elif roles.receiver in roles.guessed and groups[0][0].startswith("number "):
-            config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
-            rotates = (FORWARD, f"{CHECK}: as a Polhemus tracker's angles; is it one?")
         config["unit"] = angle[:2]
     elif groups:
         rotates = (CHECK, f"{FORWARD} (Polhemus), or {BACKWARD} (trakSTAR)")
