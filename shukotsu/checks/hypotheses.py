@@ -19,6 +19,8 @@ from shukotsu.tables.limits import MM_PER_UNIT
 
 SENSES = ("receiver-to-transmitter", "transmitter-to-receiver")
 """Directions of rotations; those of the second kind are inverted on reading."""
+CURES = {"": "", "quaternion": "new_mapping_cure"}
+"""See `Declared.cure`: without a mapping, by the kind that a reader states."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +28,15 @@ class Declared:
     """Declarations of a mapping; the defaults are those implied by a tidy table's column names.
 
     format : of the mapping, "" without one. kind, order, rotates, axes, angle_unit : of its orientation; kind
-    is `device` if a tracker's protocol defines all of it. position_axes : axes of the file that were read as
-    x, y and z.
+    is `device` for quaternions w, x, y, z that a tracker's protocol defines. cure : key of the sentences of
+    cures if the file's reader defines the orientations, which no names of columns or keys of a mapping could
+    correct. position_axes : axes of the file that were read as x, y and z.
     """
 
     format: str = ""
     position_unit: str = "mm"
     kind: str = "quaternion"
+    cure: str = ""
     order: str = "wxyz"
     rotates: str = SENSES[0]
     axes: str = ""
@@ -50,17 +54,17 @@ class Declared:
     def of(cls, mapping: Mapping[str, Any] | None, kind: str = "") -> Declared:
         """Read it from a mapping's keys, or None; kind : of orientations, if the file states it."""
         if mapping is None:
-            return cls(kind=kind or cls.kind)
-        orientation = mapping.get("orientation") or {}
+            return cls(kind=kind or cls.kind, cure=CURES.get(kind, "reader_cure"))
+        orientation = mapping.get("orientation") or {} if not kind else {}
         usual = "quaternion" if mapping["format"] in ("csv", "xdf") else "matrix"
-        kind = kind or orientation.get("kind", usual)
+        cure, kind = "reader_cure" if kind else "", kind or orientation.get("kind", usual)
         declared = {name: mapping[name] for name in ("position_unit", "rate_hz") if name in mapping}
         declared |= {name: orientation[name] for name in ("order", "rotates") if name in orientation}
         declared["axes"] = orientation.get("axes", "") if kind == "euler" else ""
         declared["angle_unit"] = orientation.get("unit", "")
         declared["time_unit"] = mapping.get("csv", {}).get("time_unit", "")
         position_axes = tuple(mapping.get("position_axes", cls.position_axes))
-        return cls(mapping["format"], kind=kind, position_axes=position_axes, **declared)
+        return cls(mapping["format"], kind=kind, cure=cure, position_axes=position_axes, **declared)
 
 
 Undo = Callable[[SampledMotion], SampledMotion]
@@ -164,14 +168,15 @@ def _undo_quaternion_change(recorded: Recorded, change: Callable[[Array], Array]
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
     """Yield other orders of quaternions and the inverse rotation, as far as the kind of file allows them."""
     declared = recorded.declared
-    rotates = SENSES[1] if declared.rotates == SENSES[0] else SENSES[0]
-    for order in ORDERS if declared.kind == "quaternion" else ():
+    common: dict[str, Any] = {"rotates": SENSES[1] if declared.rotates == SENSES[0] else SENSES[0]}
+    common |= {"cure": declared.cure} if declared.cure else {}
+    for order in ORDERS if declared.kind in ("quaternion", "device") else ():
         if order == declared.order:
             continue
         columns = ["wxyz".index(declared.order[order.index(part)]) for part in "wxyz"]
         anew = ", ".join("q" + part for part in order)
         read, true = ", ".join(declared.order), ", ".join(order)
-        values = {"read": read, "true": true, "order": order, "rotates": rotates, "anew": anew}
+        values = {"read": read, "true": true, "order": order, "anew": anew, **common}
         usual = order in CYCLIC_ORDERS
         variants = {"order": np.ones(4), "inverse-too": INVERSE} if usual else {"order": np.ones(4)}
         for variant, sign in variants.items():
@@ -183,7 +188,7 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
             yield Hypothesis("quaternion-order", undo, variant, values, penalty=rareness)
     if declared.format != "c3d":  # clusters of markers have no orientations that could be inverse
         undo = _undo_quaternion_change(recorded, lambda q: q * INVERSE)
-        yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
+        yield Hypothesis("quaternion-inverse", undo, "", common)
 
 
 def _angles(recorded: Recorded) -> Iterator[Hypothesis]:

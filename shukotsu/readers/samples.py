@@ -33,8 +33,8 @@ class Samples:
     missing_frames : number of frames that the recording should contain but does not.
     tracker : tracker named in the file, or "".
     clusters : values of a finding for each marker cluster that is not rigid.
-    orientation : kind of orientation in the file, see `Declared`; "" if the mapping defines it, or if a file
-    without one has quaternions w, x, y, z.
+    orientation : kind of orientation if the reader alone defines it, see `Declared`; "" if the mapping does,
+    or if a file without one has the columns qw, qx, qy and qz.
     """
 
     segments: tuple[str, ...]

@@ -122,6 +122,7 @@ class Finding:
         cure = mistake["cure"]
         if self.values.get("unmapped"):
             cure = mistake.get("table_cure", cure)
+        cure = mistake.get(self.values.get("cure", ""), cure)
         if isinstance(cure, str):
             return tr(cure, **placeholders)
         written = listed(f"`{key.format(**placeholders)}`" for key in cure["written"])

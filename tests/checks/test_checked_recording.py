@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from sample_files import sequence_of
+from sample_files import pose_stream, sequence_of, xdf_header, xdf_of
 
-from benchmarks.faultless_hands import Planted, faultless, other_hand
+from benchmarks.faultless_hands import Planted, changed, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.checked_subject import checked_poses
@@ -84,6 +85,33 @@ def test_matrices_of_a_sequence_file_are_not_reported_as_quaternions(
     import_for_the_moment(tmp_path / file.path, "liberty16", "right", tmp_path / "poses.parquet")
     findings = checked_poses(tmp_path / "poses.parquet", LAYOUT).findings
     assert [(finding.kind, finding.variant) for finding in findings] == [("axes-mirrored", "exchanged")]
+
+
+@pytest.mark.parametrize("mapping", [None, {"format": "logs", "orientation": {"order": "zyxw"}}])
+def test_an_order_that_the_reader_defines_is_cured_in_the_file(planted: Planted, mapping: Any) -> None:
+    """The file need not have a tidy table's columns, and no key of its mapping would change anything."""
+    declared = Declared.of(mapping, "device")
+    wrong = changed(planted, quaternion=planted.poses.quaternion[..., [1, 2, 3, 0]])
+    (finding,) = replace(wrong, declared=declared).findings()
+    assert finding.what == "The quaternions are read as w, x, y, z but seem to be x, y, z, w"
+    assert finding.cure == "put the four numbers of each quaternion in the file into the order w, x, y, z"
+    assert replace(planted, declared=declared).findings() == []
+
+
+def test_the_order_in_a_stream_is_cured_by_a_mapping_of_its_own(planted: Planted, tmp_path: Path) -> None:
+    poses, path, out = planted.poses, tmp_path / "a.xdf", tmp_path / "poses.parquet"
+    numbers = np.concatenate([poses.position_mm / 1000, poses.quaternion[..., [1, 2, 3, 0]]], -1)
+    rows = numbers.reshape(len(numbers), -1)
+    path.write_bytes(xdf_of(pose_stream(1, xdf_header(poses.segments), poses.time_s, rows)))
+    import_for_the_moment(path, "liberty16", "right", out)
+    (finding,) = checked_poses(out, LAYOUT).findings
+    written = "`kind: quaternion` and `order: xyzw` under `orientation`"
+    assert finding.cure == f"write a mapping for the file, with {written}"
+    receivers = "".join(f"  {name}: {{value: {name}}}\n" for name in poses.segments)
+    text = "format: xdf\nposition_unit: m\norientation: {kind: quaternion, order: xyzw}\nreceivers:\n"
+    (tmp_path / "mapping.yaml").write_text(text + receivers)
+    import_for_the_moment(path, "liberty16", "right", out, f"--mapping={tmp_path / 'mapping.yaml'}")
+    assert checked_poses(out, LAYOUT).findings == ()
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

@@ -48,7 +48,8 @@ FORMS: tuple[dict[str, Any], ...] = (
     {},
     {"count": 1, "of": ["hand"], "counts": [1], "others": 1, "segments": ["hand"], "negated": ["z"]},
     {"others": 0, "unmapped": True, "duration_s": 0.2, "turn_axis": "", "subject": "01"},
-    {"subject": "01", "session": "late"},
+    {"subject": "01", "session": "late", "cure": "reader_cure"},
+    {"cure": "new_mapping_cure"},
 )
 """Values that change the sentences: singular and plural, with and without a mapping or another person."""
 

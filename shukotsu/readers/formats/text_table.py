@@ -294,7 +294,8 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 def has_names(row: Sequence[str], missing: Sequence[str] = ()) -> bool:
     """Return whether a row has words and no numbers, like lines of column names or units.
 
-    Several ones and no other number are units, too, of the numbers of a rotation. missing : additional texts that mean "no value".
+    Several ones and no other number are units, too, of the numbers of a rotation. missing : additional texts
+    that mean "no value".
     """
     words = [cell for cell in map(str.strip, row) if cell not in missing and not _NO_NAME.fullmatch(cell)]
     numbers = [cell for cell in words if _NUMBER_LIKE.match(cell)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
             "the sender must describe each (label, marker or object, type, unit)"
         )
     posed = xdf_streams.owners(read.channels)
+    kind = "" if mapping else "quaternion"
     mapping = mapping or mapped.implied_mapping(where, "xdf", posed)
     usual = {"kind": "quaternion", "order": "wxyz", "rotates": "receiver-to-transmitter"}
     declared = {**usual, **(mapping.orientation or {})}
@@ -52,7 +54,8 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
             position_mm = pose[:, :3] * mm
         numbers = np.concatenate([position_mm, mapped.quaternions(pose[:, 3:], declared, locate)], -1)
         tracks.append(mapped.Track(frame, frame, read.time_s, numbers))
-    return mapped.samples_of_tracks(tracks, mapping, layout, locate, read.notes)
+    samples = mapped.samples_of_tracks(tracks, mapping, layout, locate, read.notes)
+    return replace(samples, orientation=kind)
 
 
 def _chosen_stream(path: Path, mapping: FileMapping | None) -> xdf_streams.Stream:
