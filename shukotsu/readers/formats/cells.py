@@ -180,6 +180,8 @@ class Cells:
         cell = self._columns[name][row].as_py()
         cell = shorten(cell.strip(), 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
+        if cell == name:
+            expected += "; the header is repeated: delete this line, or put two recordings into two files"
         return InputError(f"{self.locate(row)}, column {name}: {what}; expected {expected}")
 
 

@@ -279,10 +279,11 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     more = itertools.takewhile(lambda row: has_names(row, missing), rows[1:])
     n_names = 1 + len(list(more)) if details["header"] else 0
     names = join_names(rows[:n_names]) if n_names else [""] * len(rows[0])
-    width = len(rows[min(n_names, len(rows) - 1)])
-    # either the header or the other rows may end in a separator
-    names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
-    expected = f"{len(names)} as in the first line (a cut-off line, or another delimiter)"
+    first = rows[min(n_names, len(rows) - 1)]
+    # either the header or the other rows may end in separators
+    if not any(names[len(first) :]) and (len(first) == len(names) + 1 or not any(first[len(names) :])):
+        names = [*names, *[""] * len(first)][: len(first)]
+    expected = f"{len(names)} as in the first line (a cut-off line, one that is no row, or another delimiter)"
     header = tuple(names if details["header"] else map(str, range(1, len(names) + 1)))
     header_lines = records[n_names - 1][0] if n_names else 0
     open_, titles, ended = partial(io.BytesIO, data), _titles(names), ended or data.endswith(b"\n")

@@ -126,7 +126,7 @@ def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str)
     typical = counts[len(counts) // 2] if counts else 0
     for index in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
         row, after = split[index][1], split[index + 1][1]
-        fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
+        fits = not any(row[width:] + after[len(row) :])
         more = len(words[index]) - typical  # a name over several columns leaves those on its right empty
         named = more >= 0.5 * (width - typical) or (more > 0 and has_names(row))
         if fits and named and len({*words[index]}) > (2 if index else 1):

@@ -123,6 +123,8 @@ def _read_columns(cells: Cells) -> _ReadTable:
     """Read each column as numbers, times of day or dates, depending on its cells."""
     numbers = _numbers(lambda title: without_marks(cells.reals(title)), cells.names)
     texts = [title for title in cells.names if title not in numbers]
+    if not any(np.isfinite(values).any() for values in numbers.values()):
+        cells.reals(cells.names[0])  # raises the error that names the cell
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), texts)
     dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in texts if t not in of_day])
     numbers |= of_day | dates

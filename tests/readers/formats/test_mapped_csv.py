@@ -103,6 +103,7 @@ def test_times_of_day_become_seconds_across_midnight(
         "spaces": ((HEADER + ROWS).replace(",", " , "), {}),
         "minus": ((HEADER + ROWS).replace("0,1,2", "\N{MINUS SIGN}0,1,2"), {}),
         "more columns": ((HEADER + ROWS).replace("\n", ",n\n"), {}),
+        "blank columns": (HEADER + ROWS.replace("\n", ",,,\n"), {}),
     }.values(),
 )
 def test_a_wide_table_is_read_in_every_text_format(tmp_path: Path, text: str, csv: dict[str, Any]) -> None:
@@ -170,6 +171,7 @@ def test_receivers_that_are_not_in_step_are_put_on_a_common_grid(tmp_path: Path)
         (HEADER, {}, "old.txt: has no rows"),
         (HEADER + ROWS + "\nModels\n1,2,3\n", {}, "old.txt: line 5: another table seems to begin here"),
         (HEADER + ROWS + "1,2,3\n", {}, "old.txt: line 4: has 3 cells; expected 13 as in the first line"),
+        (HEADER + ROWS + HEADER, {}, "line 4, column x1: is 'x1'; expected a number; the header is repeated"),
         (HEADER + "1,2,3\n" + ROWS, {}, "old.txt: line 2: has 3 cells; expected 13 as in the first line"),
         (HEADER + "1,2,3", {}, "old.txt: has no rows; the last line has no line end and too few cells"),
         (HEADER + ROWS.replace("4.5", "four"), {}, "old.txt: line 3, column t: is 'four'; expected a number"),
