@@ -181,17 +181,15 @@ def _findings_of_hypotheses(
     mistakes = search.mistakes
     if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
         mistakes = mistakes[:1]  # even with all undone it is unlike a hand, so the later ones are guesses
+    found = [(mistake.hypothesis, mistake.evidence) for mistake in mistakes]
     named = [
-        Finding(mistake.hypothesis.kind, SUSPECT, mistake.hypothesis.variant, values)
-        for mistake in mistakes
-        if not (flips and mistake.hypothesis.kind == "hemisphere")
-        for values in [{**mistake.hypothesis.values, **mistake.evidence}]
+        Finding(undone.kind, SUSPECT, undone.variant, {**undone.values, **evidence})
+        for undone, evidence in found
+        if not (flips and undone.kind == "hemisphere")
     ]
-    # Euler angles about wrong axes jump near their singularities
-    jumps = (
-        [] if "euler-order" in {finding.kind for finding in named} else _spikes(line, frame, odd, segments)
-    )
-    return [*flips, *named, *jumps], search
+    if all(finding.kind != "euler-order" for finding in named):  # whose angles jump near their singularities
+        named += _spikes(line, frame, odd, segments)
+    return [*flips, *named], search
 
 
 def _first(line: Timeline, row: int) -> Values:
@@ -211,15 +209,10 @@ def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) 
     changes = timeline.away(sign)
     if not changes.any():
         return []
-    most = int(np.argmax(changes))
-    first = int(np.argmax(sign[:, most] < 0))
-    seen = {
-        "segment": segments[most],
-        "count": int(changes[most]),
-        "others": int((changes > 0).sum()) - 1,
-        **_first(line, first),
-    }
-    return [Finding("hemisphere", SUSPECT, "jumps", seen)]
+    most, others = int(np.argmax(changes)), int((changes > 0).sum()) - 1
+    seen = {"segment": segments[most], "count": int(changes[most]), "others": others}
+    first = _first(line, int(np.argmax(sign[:, most] < 0)))
+    return [Finding("hemisphere", SUSPECT, "jumps", {**seen, **first})]
 
 
 def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequence[str]) -> list[Finding]:
@@ -228,11 +221,7 @@ def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequen
         return []
     seen = _most(line, odd, segments)
     spiked = [
-        [
-            segments[receiver],
-            int(frame[row]),
-            *([float(time_s)] if np.isfinite(time_s := line.time_s[row]) else []),
-        ]
+        [segments[receiver], int(frame[row]), *filter(np.isfinite, [float(line.time_s[row])])]
         for row, receiver in np.argwhere(odd)[:MOST_NAMED]
     ]
     return [Finding("spikes", SUSPECT, "some", {**seen, "spiked": spiked})]

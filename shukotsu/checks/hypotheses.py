@@ -255,11 +255,10 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
             sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
             columns = [read[i] if s > 0 else f"-{read[i]}" for i, s in zip(order, signs, strict=True)]
             values: dict[str, Any] = {"columns": ", ".join(columns).replace("--", "")}
-            mirrored = order == (0, 1, 2)
-            if mirrored:
-                negated = [n for n, s in zip(names, signs, strict=True) if s < 0]
+            variant = "exchanged"
+            if order == (0, 1, 2):
+                variant, negated = "negated", [n for n, s in zip(names, signs, strict=True) if s < 0]
                 values |= {"negated": negated, "count": len(negated)}
-            variant = "negated" if mirrored else "exchanged"
             yield Hypothesis("axes-mirrored", _undo_axes(sign, order), variant, values)
 
 

@@ -44,9 +44,8 @@ def build_parser() -> argparse.ArgumentParser:
         "no study can run.",
         "shukotsu doctor",
     )
-    parser.add_argument(
-        "--snakefile", action="store_true", help="print only the Snakefile's path, to pass to Snakemake"
-    )
+    what = "print only the Snakefile's path, to pass to Snakemake"
+    parser.add_argument("--snakefile", action="store_true", help=what)
     return parser
 
 

@@ -119,10 +119,8 @@ class Finding:
     def cure(self) -> str:
         """The cure of a mistake in words."""
         mistake, placeholders = MISTAKES[self.key], _placeholders(self.values)
-        cure = mistake["cure"]
-        if self.values.get("unmapped"):
-            cure = mistake.get("table_cure", cure)
-        cure = mistake.get(self.values.get("cure", ""), cure)
+        keys = self.values.get("cure", ""), "table_cure" if self.values.get("unmapped") else "", "cure"
+        cure = next(mistake[key] for key in keys if key in mistake)
         if isinstance(cure, str):
             return tr(cure, **placeholders)
         written = listed(f"`{key.format(**placeholders)}`" for key in cure["written"])

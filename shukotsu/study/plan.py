@@ -247,15 +247,12 @@ def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> lis
 
     Rows that name no session apply to all sessions, unless a row of the session has the same key otherwise.
     """
-    key = [column for column in sheet.key if column != "session"]
-    of_session = [row for row in rows if row["session"] == session]
-    named = {tuple(row[column] for column in key) for row in of_session}
-    return [
-        row
-        for row in rows
-        if row["session"] == session
-        or (not row["session"] and tuple(row[column] for column in key) not in named)
-    ]
+
+    def key_of(row: SheetRow) -> tuple[Any, ...]:
+        return tuple(row[column] for column in sheet.key if column != "session")
+
+    named = {key_of(row) for row in rows if row["session"] == session}
+    return [r for r in rows if r["session"] == session or not (r["session"] or key_of(r) in named)]
 
 
 @dataclass(frozen=True)

@@ -134,10 +134,8 @@ def _receiver_problems(receivers: pa.Table, accepted: Accepted) -> list[Problems
     for rows in in_field.values():
         values = _field_values(rows)
         finding = Finding("field-disturbed", severity_of_loss(values["percent"]), "", values)
-        finding = finding.accept(
-            next((r for (hand, _), r in accepted.items() if r and hand == rows[0]["hand"]), "")
-        )
-        problems.append(_problem_of_hand(rows[0], finding))
+        reason = next((r for (hand, _), r in accepted.items() if r and hand == rows[0]["hand"]), "")
+        problems.append(_problem_of_hand(rows[0], finding.accept(reason)))
     return problems
 
 

@@ -42,8 +42,7 @@ def framed_by_time(tracks: Tracks) -> tuple[Tracks, list[str], list[str]]:
     step_s = float(np.quantile(steps_s, 0.25, method="lower"))  # low: lost rows lengthen many steps
     middle_s = float(np.median(np.concatenate(finite_s)))
     timed, keys_s, turns = {}, [], []
-    notes: list[str] = []
-    losses: list[str] = []
+    notes, losses = list[str](), list[str]()
     for segment, track in tracks.items():
         with np.errstate(over="ignore"):
             timed[segment] = track.take(np.abs(track.time_s - middle_s) < _MOST_STEPS * step_s)

@@ -13,7 +13,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -239,10 +239,8 @@ def open_tidy_csv(path: Path) -> TextTable:
         f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
     )
     names = tuple(name.strip() for name in header)
-    ended, cut_bytes = is_ended(end), _cut_bytes(end, separator, len(names))
-    return TextTable(
-        path, open_, separator, names, _titles(names), line, expected, ended=ended, cut_bytes=cut_bytes
-    )
+    text = TextTable(path, open_, separator, names, _titles(names), line, expected)
+    return replace(text, ended=is_ended(end), cut_bytes=_cut_bytes(end, separator, len(names)))
 
 
 def is_ended(data: bytes) -> bool:

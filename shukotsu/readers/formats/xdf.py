@@ -54,8 +54,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
             position_mm = pose[:, :3] * mm
         numbers = np.concatenate([position_mm, mapped.quaternions(pose[:, 3:], declared, locate)], -1)
         tracks.append(mapped.Track(frame, frame, read.time_s, numbers))
-    samples = mapped.samples_of_tracks(tracks, mapping, layout, locate, read.notes)
-    return replace(samples, orientation=kind)
+    return replace(mapped.samples_of_tracks(tracks, mapping, layout, locate, read.notes), orientation=kind)
 
 
 def _chosen_stream(path: Path, mapping: FileMapping | None) -> xdf_streams.Stream:
