@@ -80,11 +80,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
             f"device times, which differ by up to {error_s * 1000:.1f} ms from the constant rate of "
             f"{rate_hz:.6g} Hz; --fps resamples over device time"
         )
-    descriptions = [
-        f"joint {joint.name}"
-        + (f", child of {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
-        for joint in motion.joints
-    ]
+    places = [f"child of {motion.names[j.parent]}" if j.parent >= 0 else "the root" for j in motion.joints]
+    descriptions = [f"joint {name}, {place}" for name, place in zip(motion.names, places, strict=True)]
     descriptions += [what for _, what in described]
     file = ezc3d.c3d()
     file["header"]["points"]["first_frame"] = first - 1 if numbered else 0

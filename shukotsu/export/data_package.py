@@ -59,6 +59,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
             yield rows
 
     write_rows(out, ",".join(names) + "\n", cells())
+    required = {"constraints": {"required": True}}
     fields = [
         {
             "name": column.name,
@@ -66,9 +67,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
             "description": column.description,
             **({"unit": column.unit} if column.unit else {}),
             # an empty string counts as missing, so a text column cannot be required
-            **(
-                {} if column.nullable or str(column.type) == "string" else {"constraints": {"required": True}}
-            ),
+            **({} if column.nullable or column.type == pa.string() else required),
         }
         for column in table.columns
     ]

@@ -89,7 +89,13 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
     poses, thinned = _poses(reader, frames)
     bones = reader.bones(poses)
     if not reader.is_fitted:
-        joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
+        assumed = assumed_angles(reader)
+        joints = (
+            replace(j, name=f"{j.digit}{RECEIVER_TIP}")
+            if j.tip
+            else replace(j, assumed=assumed.get(j.name, ""))
+            for j in bones.joints
+        )
         bones = replace(bones, joints=tuple(joints))
     folder = reader.tables(JOINT_CENTRES.name).parent
     where = f"{folder}: {reader.part.hand} hand, model {reader.model.name}"
@@ -114,20 +120,16 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         notes.append(f"{digit} left out: {why or reason}")
     if beyond := [bones.names[index] for index in np.flatnonzero(beyond_receivers(bones))]:
         notes.append(f"measured by no receiver: {', '.join(beyond)}")
-    if assumed := assumed_angles(reader):
-        notes.append(f"angles not measured: {', '.join(assumed)} ({next(iter(assumed.values()))})")
+    if unmeasured := {joint.name: joint.assumed for joint in bones.joints if joint.assumed}:
+        notes.append(f"angles not measured: {', '.join(unmeasured)} ({next(iter(unmeasured.values()))})")
     if len(bones.joints) < 2:
         reasons = "; ".join(notes) or "the layout has none"
         raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")
     of_model = (BONE_POSES, POSED_TIPS) if reader.is_fitted else (METACARPALS,)
-    files = (reader.tables(table.name) for table in (JOINT_CENTRES, BONE_LENGTHS, *of_model))
-    inputs = {
-        (file.relative_to(folder.parent).as_posix() if file.is_relative_to(folder.parent) else file.name): (
-            file_sha256(file)
-        )
-        for file in (reader.poses_file, *files)
-        if file.is_file()
-    }
+    tables = (reader.tables(table.name) for table in (JOINT_CENTRES, BONE_LENGTHS, *of_model))
+    files, top = [file for file in (reader.poses_file, *tables) if file.is_file()], folder.parent
+    names = (file.relative_to(top).as_posix() if file.is_relative_to(top) else file.name for file in files)
+    inputs = dict(zip(names, map(file_sha256, files), strict=True))
     origin = replace(bones.origin, inputs=inputs, licence=licence)
     motion = in_webxr(replace(bones, origin=origin, notes=(*notes, *thinned)), reader.layout)
     if frames == (None, None):

@@ -44,7 +44,11 @@ _NAME = {"name": {"Description": "The subject's name, from which participant_id 
 
 
 class MotionChannel(NamedTuple):
-    """A column of motion.tsv: values (T,), NaN or null in gaps, and its row of channels.tsv."""
+    """A column of motion.tsv: values (T,), NaN or null in gaps, and its row of channels.tsv.
+
+    unmeasured : why no frame has a value. Such a channel is kept, without a data quality (status n/a), so
+    that a recording has the same channels under every model.
+    """
 
     values: pa.Array
     name: str
@@ -53,13 +57,17 @@ class MotionChannel(NamedTuple):
     tracked_point: str
     units: str
     description: str
+    unmeasured: str = ""
 
     def row(self, rate_hz: str) -> dict[str, str]:
         """Return the column's row of channels.tsv."""
         frames = {"POS": "transmitter", "ORNT": "transmitter", "JNTANG": "parent_bone"}
-        texts = {key: value for key, value in self._asdict().items() if key not in ("values", "description")}
+        names = ("name", "component", "type", "tracked_point", "units")
+        texts = {name: getattr(self, name) for name in names}
         placed = {"placement": self.tracked_point, "reference_frame": frames.get(self.type, "n/a")}
         status = {"status": "good", "status_description": "n/a", "sampling_frequency": rate_hz}
+        if self.unmeasured:
+            status |= {"status": "n/a", "status_description": f"not measured: {self.unmeasured}"}
         return texts | placed | {"description": self.description} | status
 
 
@@ -205,13 +213,16 @@ def _skeleton_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
         yield from _numbers(joint.name, "POS", end if joint.tip else "joint", motion.position_mm[:, index])
         if not joint.tip:
             yield from _numbers(joint.name, "ORNT", "bone", motion.quaternion[:, index])
-    for joint_name, angles_deg in bone_angles_deg(motion).items():
+    for name, angles_deg in bone_angles_deg(motion).items():
         signed = "joint, with the signs stated in reference_frame"
-        yield from _numbers(joint_name, "JNTANG", signed, angles_deg)
+        yield from _numbers(name, "JNTANG", signed, angles_deg, motion.joints[motion.index(name)].assumed)
 
 
-def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[MotionChannel]:
-    """Yield the channels of positions (T, 3), mm, rotations (T, 4) or angles (T, 3), deg; NaN in gaps."""
+def _numbers(point: str, kind: str, what: str, values: Array, why_not: str = "") -> Iterable[MotionChannel]:
+    """Yield the channels of positions (T, 3), mm, rotations (T, 4) or angles (T, 3), deg; NaN in gaps.
+
+    why_not : why no frame has values.
+    """
     unit, text, names, digits = {
         "POS": ("m", "position of the {}, {}", ("pos_x", "pos_y", "pos_z"), 12),
         "ORNT": ("n/a", "{} to transmitter frame, {}", ("quat_w", "quat_x", "quat_y", "quat_z"), 12),
@@ -222,7 +233,7 @@ def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Motion
         part = {"POS": name[-1:], "ORNT": name}.get(kind, "n/a")
         numbers = pa.array(column, from_pandas=True)
         described = text.format(what, name if kind == "JNTANG" else part)
-        yield MotionChannel(numbers, f"{point}_{name}", part, kind, point, unit, described)
+        yield MotionChannel(numbers, f"{point}_{name}", part, kind, point, unit, described, why_not)
 
 
 def tsv_text(rows: Iterable[Iterable[object]]) -> str:

@@ -228,9 +228,8 @@ def _add_joint(
             _add_coordinate(coordinates, turn.name, limits, start, turn.name in held)
         for shift in form.shifts:
             start = float(shift.values[0]) if form.parent < 0 else held.get(shift.name, 0.0)
-            locked = shift.name in held
             limits = np.multiply(_range(shift.values, _ROOM_MM, _ROOM_MM), _M_PER_MM)
-            _add_coordinate(coordinates, shift.name, limits, start * _M_PER_MM, locked)
+            _add_coordinate(coordinates, shift.name, limits, start * _M_PER_MM, shift.name in held)
     frame = add(ET.SubElement(joint, "frames"), "PhysicalOffsetFrame", frame_name, socket_parent=before)
     orientation = numbers(body_fixed_rad(matrix(form.quaternion)))
     fill(frame, translation=metres(form.offset_mm), orientation=orientation)
@@ -367,9 +366,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         write_text(file, model_xml(motion, forms, receivers, title, credit, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
     write_trc(path.with_suffix(".trc"), title, time_s, motion, receivers)
-    write_text(
-        path.with_name(f"{path.stem}_ik_setup.xml"), as_text(_ik_setup(path, title, time_s, receivers))
-    )
+    setup = as_text(_ik_setup(path, title, time_s, receivers))
+    write_text(path.with_name(f"{path.stem}_ik_setup.xml"), setup)
     return remarks
 
 

@@ -1,7 +1,8 @@
 """Tidy CSV: a table of poses and one of angles, each with a row per frame and joint, and a JSON description.
 
-Empty cells are gaps. Positions are in mm in the transmitter's frame, rounded to a nanometre; quaternions
-(w, x, y, z), from the bone's frame to the transmitter's, are rounded to 9 decimals.
+Empty cells are gaps, or angles that the model assumes instead of measuring them. Positions are in mm in the
+transmitter's frame, rounded to a nanometre; quaternions (w, x, y, z), from the bone's frame to the
+transmitter's, are rounded to 9 decimals.
 """
 
 from __future__ import annotations
@@ -44,9 +45,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
             lambda block: np.stack([*bone_angles_deg(block).values()], 1).round(6),
         )  # fmt: skip
     tree = {joint.name: motion.names[joint.parent] for joint in motion.joints[1:]}
-    rest = {
-        name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
-    }
+    rest = dict(zip(motion.names, motion.rest_offset_mm.round(6).tolist(), strict=True))
     columns = export_constants()["csv_columns"]
     described = facts(motion, "mm", "") | {"columns": columns, "parent": tree, "rest_offset_mm": rest}
     write_text(path.with_suffix(".json"), json.dumps(described, ensure_ascii=False, indent=1) + "\n")
@@ -54,14 +53,16 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 
 
 def bone_angles_deg(motion: PosedRecording) -> dict[str, Array]:
-    """Return flexion, deviation and rotation (T, 3), deg, of each joint of known anatomy."""
+    """Return flexion, deviation and rotation (T, 3), deg, of each joint of known anatomy; NaN if assumed."""
     hand, turn = motion.hand, multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
     rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
-    return {
+    angles_deg = {
         joint.name: joint_angles(turn[:, joint.parent], turn[:, i], hand, rests[i], angle_axes(joint, hand))
         for i, joint in enumerate(motion.joints)
         if not joint.tip and np.isfinite(rests[i]).all()
     }
+    unmeasured = np.full((len(turn), len(_ANGLES)), np.nan)
+    return angles_deg | {j.name: unmeasured for j in motion.joints if j.assumed and j.name in angles_deg}
 
 
 def _write_long(

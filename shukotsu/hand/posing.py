@@ -73,6 +73,9 @@ class SkeletonJoint:
         Degrees of freedom in the model; 0 if unknown.
     zero_deg : tuple of float
         Values of `ZERO_COLUMNS`; empty if the model has none.
+    assumed : str
+        Why the model assumes its angles instead of measuring them; empty if it does not, or before
+        `export.exported_motion.read_motion` sets it.
 
     """
 
@@ -83,6 +86,7 @@ class SkeletonJoint:
     tip: bool = False
     dof: int = 0
     zero_deg: tuple[float, ...] = ()
+    assumed: str = ""
 
 
 @dataclass(frozen=True)

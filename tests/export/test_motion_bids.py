@@ -59,6 +59,14 @@ def with_gaps(motion: PosedRecording) -> PosedRecording:
     return blanked(motion, joints=np.s_[3:5, 2], receivers=np.s_[6, 1])
 
 
+def with_assumed_angles(motion: PosedRecording) -> PosedRecording:
+    joints = (
+        replace(joint, assumed="kept still") if joint.name == "little_cmc" else joint
+        for joint in motion.joints
+    )
+    return replace(motion, joints=tuple(joints))
+
+
 def validate(folder: Path) -> list[dict[str, Any]]:
     """Return the issues reported by the BIDS validator, which needs no network."""
     program = Path(sys.executable).with_name("bids-validator-deno")
@@ -80,11 +88,12 @@ KNOWN_WARNINGS = {
 
 
 def test_the_validator_finds_no_avoidable_issue(right: SimulatedHand, tmp_path: Path) -> None:
-    """The dataset has names in other scripts, gaps, a single frame, and trials that are absent, numbers or
-    text.
+    """The dataset has names in other scripts, gaps, a single frame, assumed angles, and trials that are
+    absent, numbers or text.
     """
     hand = named(right.motion(FITTED), licence="CC0")
     add(hand, tmp_path / "set")
+    add(named(with_assumed_angles(right.motion(REPLAYED)), subject="assumed"), tmp_path / "set")
     drawn = with_gaps(moving_fingers(9))
     add(named(drawn, subject="山田 Ö.", task="ex-po_1", trial="2"), tmp_path / "set")
     add(named(drawn, subject="Q", hand="left", trial="pre op"), tmp_path / "set")
@@ -159,6 +168,16 @@ def test_gaps_are_written_as_n_a_in_every_file(tmp_path: Path) -> None:
         assert "n/a" in cells
         assert not [cell for cell in cells if cell.lower() in ("", "nan", "inf", "-inf", "null", "none")]
         assert len({line.count("\t") for line in path.read_text().splitlines()}) == 1
+
+
+def test_assumed_angles_are_written_as_n_a_with_the_reason(right: SimulatedHand, tmp_path: Path) -> None:
+    motion = with_assumed_angles(right.motion(REPLAYED))
+    add(motion, tmp_path)
+    numbers, channels = table(skeleton_path(tmp_path, motion))
+    empty = [f"little_cmc_{angle}" for angle in ("flexion", "abduction", "rotation")]
+    assert list(numbers.columns[numbers.isna().all()]) == empty
+    assert list(channels["name"][channels["status"] == "n/a"]) == empty
+    assert {*channels["status_description"]} == {"n/a", "not measured: kept still"}
 
 
 def test_dataset_files_describe_the_study_and_its_participants(tmp_path: Path) -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
+from shukotsu.export import exported_motion
 from shukotsu.export.exported_motion import rest_pose
 from shukotsu.export.tidy_csv import bone_angles_deg, write
 from shukotsu.hand.joint_angles import joint_angles
@@ -44,6 +46,19 @@ def test_exported_angles_equal_those_of_the_bones(hand: SimulatedHand) -> None:
         index = JOINTS.index(name)
         expected = joint_angles(ours[:, PARENT[index]], ours[:, index + 1], side, rests[name])
         np.testing.assert_allclose(angles_deg[name], expected, atol=1e-6, err_msg=name)
+
+
+def test_angles_that_a_model_assumes_are_empty_and_the_poses_complete(
+    right: SimulatedHand, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exported_motion, "assumed_angles", lambda _: {"little_cmc": "kept still"})
+    motion = right.motion(REPLAYED)
+    assert motion.notes == ("angles not measured: little_cmc (kept still)",)
+    write(motion, tmp_path / "a.csv")
+    rows = pd.read_csv(tmp_path / "a_angles.csv").set_index("joint")[["flexion_deg", "rotation_deg"]]
+    assert rows.loc["little_cmc"].isna().all(axis=None)
+    assert rows.drop("little_cmc").notna().all(axis=None)
+    assert pd.read_csv(tmp_path / "a.csv").notna().all(axis=None)
 
 
 def test_the_header_describes_columns_and_rest_pose(hand: SimulatedHand, tmp_path: Path) -> None:
