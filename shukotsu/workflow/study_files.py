@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -128,11 +129,8 @@ class StudyFiles:
         tables = [[str(paths.study_table(table)) for table in kind] for kind in kinds]
         self.study_tables, self.model_comparisons, self.movement_comparisons = tables
         self.whole_tables = [path for kind in tables for path in kind]
-        self.figures = [
-            str(paths.figures / f"{name}.{kind}")
-            for name in results.STUDY_FIGURES
-            for kind in results.FIGURE_KINDS
-        ]
+        printed = product(results.STUDY_FIGURES, results.FIGURE_KINDS)
+        self.figures = [str(paths.figures / f"{name}.{kind}") for name, kind in printed]
         self.subject_pages = [str(paths.subject_pages(*who)) for who in whose]
         self.export_formats = [name for name in study.exports if name != "bids"]
         self.exports = [str(paths.exports)] if study.exports else []
@@ -275,10 +273,8 @@ class StudyFiles:
 
     def _files_of(self, recording: Recording) -> list[str]:
         """Return the user files that a recording is read from: its data and its mapping."""
-        paths = filter(None, (recording.source.file, recording.source.mapping))
-        return [
-            path for path in dict.fromkeys(map(_relative, paths)) if path not in self._made_for(recording)
-        ]
+        paths = [_relative(path) for path in (recording.source.file, recording.source.mapping) if path]
+        return [path for path in dict.fromkeys(paths) if path not in self._made_for(recording)]
 
     def _event_files(self, subject: str) -> list[str]:
         """Return the user files that a subject's events are read from.

@@ -29,6 +29,8 @@ WILDCARDS = dict.fromkeys(("subject", "hand", "task", "recording", "model"), "[^
 """Regular expressions of the values of wildcards."""
 STAGES = '"$SHUKOTSU_PYTHON" -IS "$SHUKOTSU_JOB" "$SHUKOTSU_STAGES"'
 """Start of the rules' commands. If it contained paths, a moved checkout would run everything again."""
+DEFAULT_LIMIT = (100, 1)
+"""Snakemake's default of --max-jobs-per-timespan, 100/1s, in jobs and s."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
 """Wildcards in the wording of messages."""
 
@@ -74,9 +76,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> study_files.Study
 
     def start(_: Any) -> None:
         if workflow.local_exec:
-            # Its limit of 100 jobs per second is of no use on one machine, and leaves one timer per finished
-            # job, each of which looks through all ready jobs every second.
-            workflow.scheduler.job_rate_limiter = None
+            workflow.scheduler.job_rate_limiter = chosen_limit(workflow.scheduler.job_rate_limiter)
         signal.signal(signal.SIGTERM, end)  # Snakemake's own may wait for a lock forever
         one_run.refuse(workflow, study.results.folder)
         with one_run.ending_in_a_sentence():
@@ -94,6 +94,16 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> study_files.Study
     workflow.onsuccess(finish)
     workflow.onerror(finish)
     return study
+
+
+def chosen_limit(limiter: Any) -> Any:
+    """Return Snakemake's limit of jobs per time span, or None in place of its default.
+
+    The default is of no use on one machine, and leaves one timer per finished job, each of which looks
+    through all ready jobs every second. Snakemake does not tell whether a user has chosen the same values.
+    """
+    is_default = limiter is not None and (limiter.max_jobs, limiter.timespan) == DEFAULT_LIMIT
+    return None if is_default else limiter
 
 
 async def _take_any_time(*_: object) -> None:
@@ -156,8 +166,7 @@ def arguments(_: Any, input: Any, output: Any) -> str:  # noqa: A002 - Snakemake
 def report_page(study: study_files.StudyFiles) -> Any:
     """Return the study's page, marked for inclusion in `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
-    caption = f"{CAPTIONS}/report.rst"
-    return report(page, caption=caption, category="Study", labels=labels)
+    return report(page, caption=f"{CAPTIONS}/report.rst", category="Study", labels=labels)
 
 
 def report_figures(study: study_files.StudyFiles) -> list[Any]:
