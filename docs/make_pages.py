@@ -1,5 +1,6 @@
 """Generate parts of the guide: tables.md, configuration.md and mistakes.md after their introductions from the
-schemas, and the diagram in architecture.md (Mermaid) from the rules of the demo study.
+schemas, and the diagram in architecture.md (Mermaid) from the rules of the demo study. A mistake in a table's
+schema ends it with a sentence.
 """
 
 from __future__ import annotations
@@ -16,18 +17,31 @@ from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
-from shukotsu.study.config_files import json_schema, read_yaml, shipped_names
+from shukotsu.errors import InputError
+from shukotsu.study.config_files import check_config, json_schema, read_yaml, shipped_names
 from shukotsu.study.sheets import SHEETS
-from shukotsu.tables.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
+from shukotsu.tables.catalogue import FOLDER, HAND_KEY, RECORDING_KEY, TABLES, shared_columns
 from shukotsu.tables.text_files import replaced_between
 from shukotsu.tables.typed_table import Column
 from shukotsu.tables.whole_files import write_text
+from shukotsu.workflow.one_run import ending_in_a_sentence
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "architecture.md"
 ROWS = DOCS.parent / "shukotsu" / "tables" / "rows.pyi"
 START, END = "<!-- diagram: start -->", "<!-- diagram: end -->"
 NOTE = "<!-- What follows is made by `make docs` from the schemas; change those. -->"
+
+
+def check_tables(folder: Path = FOLDER) -> None:
+    """Check the files that define tables and their columns; raise InputError at the first mistake."""
+    shared: dict[str, Any] = {}
+    for path in (folder / "columns.yaml", *sorted((folder / "tables").glob("*.yaml"))):
+        columns = check_config(read_yaml(path, "table"), "table", str(path))["columns"]
+        shared = shared or columns
+        if undefined := [name for name in columns if not (columns[name] or shared.get(name))]:
+            expected = "expected its type and meaning, here or in columns.yaml"
+            raise InputError(f"{path}: columns.{undefined[0]}: is empty; {expected}")
 
 
 def pages() -> dict[str, str]:
@@ -250,7 +264,9 @@ def page_with_diagram(page: str) -> str:
 
 
 if __name__ == "__main__":
-    for page_name, page_text in pages().items():
-        write_text(DOCS / page_name, page_text)
-    write_text(ROWS, row_types())
-    write_text(PAGE, page_with_diagram(PAGE.read_text("utf-8")))
+    with ending_in_a_sentence():
+        check_tables()
+        for page_name, page_text in pages().items():
+            write_text(DOCS / page_name, page_text)
+        write_text(ROWS, row_types())
+        write_text(PAGE, page_with_diagram(PAGE.read_text("utf-8")))

@@ -284,13 +284,11 @@ def _joint_nodes(motion: PosedRecording, first: int) -> list[dict[str, Any]]:
         freedom = {"degrees_of_freedom": joint.dof} if joint.dof else {}
         axis = motion.axis[index]
         turned = {"axis": axis.round(9).tolist()} if np.isfinite(axis).all() else {}
-        node: dict[str, Any] = {
-            "name": joint.name,
+        place = {
             "translation": (offset * _SCALE).tolist(),
             "rotation": np.roll(motion.rest[index], -1).tolist(),
-            "extras": {"bone": joint.segment, **freedom, **turned},
         }
-        nodes.append(node)
+        nodes.append({"name": joint.name, **place, "extras": {"bone": joint.segment, **freedom, **turned}})
         if joint.parent >= 0:
             nodes[joint.parent].setdefault("children", []).append(first + index)
     return nodes

@@ -293,6 +293,7 @@ _IN_WORDS = {
     "^[A-Za-z0-9][A-Za-z0-9._-]*$": "a name of letters A to Z, digits, '.', '_' and '-' that begins with a "
     "letter or a digit",
     "^[a-z][a-z0-9_]*$": "a name of small letters, digits and '_' that begins with a letter",
+    r"^(text|bool|int8|int64|double)(\[[0-9]+\])?$": "text, bool, int8, int64, double or double[6]",
     "^[XYZ]{3}$": "three of the letters X, Y and Z",
     "object": "a group, lines of `key: value`",
     "array": "a list",

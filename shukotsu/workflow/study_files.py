@@ -16,16 +16,9 @@ from typing import Any
 from shukotsu.command_line import option_of
 from shukotsu.errors import InputError, list_names
 from shukotsu.hand.known_digits import known_digits, refusal
-from shukotsu.study import results
+from shukotsu.study import plan_file, results
 from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
-from shukotsu.study.plan_file import (
-    StudyPlans,
-    fit_part,
-    plan_digest,
-    plan_from_content,
-    plan_text,
-    recordings_part,
-)
+from shukotsu.study.plan_file import fit_part, plan_digest, plan_from_content, plan_text, recordings_part
 from shukotsu.study.study import Recording, Study, read_study, truth_folder
 from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.workflow.file_digests import CHANGED, FileDigests, program_digest
@@ -74,7 +67,7 @@ class StudyFiles:
         self.results = results.Results(Path("results", self.study.name))
         self.options = shlex.join(["--study", self.file, "--results", self.results.folder.as_posix()])
         self._digests = FileDigests()
-        plans = StudyPlans(self.study, self.results.folder)
+        plans = plan_file.StudyPlans(self.study, self.results.folder)
         self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
         self._plans = {
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()

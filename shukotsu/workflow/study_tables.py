@@ -40,12 +40,10 @@ def gather_study(study: Study, results: Results) -> None:
     plans = [plan_file.read_plan(results.plan(*who)) for who in study.sessions]
     of_subjects = [recording_summary.subject_tables(plan) for plan in plans]
     recordings = [row for subject in of_subjects for row in subject.recordings]
-    problems: list[ProblemsRow] = [
-        problem_row(
-            "plan", finding_of_text("recording", REFUSED, row.message), **vars(row.hand), task=row.task
-        )
-        for row in study.unusable
-    ]
+    problems: list[ProblemsRow] = []
+    for row in study.unusable:
+        finding = finding_of_text("recording", REFUSED, row.message)
+        problems.append(problem_row("plan", finding, **vars(row.hand), task=row.task))
     for plan, subject in zip(plans, of_subjects, strict=True):
         problems += [*_bugs(plan), *subject.problems]
     # find recordings whose poses equal those of another subject or session

@@ -1,6 +1,7 @@
 """Pages of the guide: generated pages are current, charts have tables, pictures have descriptions."""
 
 import re
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -9,6 +10,7 @@ from make_pages import (
     DOCS,
     PAGE,
     ROWS,
+    check_tables,
     direct_edges,
     mermaid,
     page_with_diagram,
@@ -18,6 +20,9 @@ from make_pages import (
 )
 from mkdocs.config.defaults import MkDocsConfig
 from site_hook import CHART, HEAD, MARK, as_table, cells_as_markdown, on_page_markdown
+
+from shukotsu.errors import InputError
+from shukotsu.tables.catalogue import FOLDER
 
 GENERATED = pages()
 """The pages that `make docs` would write from the current schemas, by name."""
@@ -43,6 +48,15 @@ def test_a_generated_page_is_current(name: str) -> None:
 
 def test_row_types_match_the_schemas() -> None:
     assert ROWS.read_text("utf-8") == row_types(), "run `make docs`"
+
+
+@pytest.mark.parametrize(("right", "wrong"), [("meaning: xdf", "meening: xdf"), ("message:", "mesage:")])
+def test_a_slip_in_a_tables_schema_is_named(tmp_path: Path, right: str, wrong: str) -> None:
+    schemas = shutil.copytree(FOLDER, tmp_path / "schemas")
+    clocks = schemas / "tables" / "clocks.yaml"
+    clocks.write_text(clocks.read_text("utf-8").replace(right, wrong), "utf-8")
+    with pytest.raises(InputError, match=rf"^{clocks}: columns\..*{wrong.partition(':')[0]}.*meaning"):
+        check_tables(schemas)
 
 
 def test_rules_their_files_and_dependencies_are_parsed() -> None:
