@@ -24,8 +24,8 @@ WIDTH, SCALE, COLOURS = 1000, 1.5, 256
 DRAWN = "document.querySelector('.viewer canvas').width > 0"
 TOP = "(css) => css ? document.querySelector(css).getBoundingClientRect().top + scrollY - 3 : 0"
 SCREENSHOTS = {
-    "study": (RESULTS.report, "", 760, DRAWN),
-    "subject": (RESULTS.subject_page("01"), "", 1000, "true"),
+    "study": (RESULTS.report, "", 785, DRAWN),
+    "subject": (RESULTS.subject_page("01"), "", 1180, "true"),
     "recording": (RECORDING, "#time", 720, DRAWN),
     "curves": (RECORDING, "#cycles", 600, "true"),
     "viewer": (RECORDING, ".viewer", 590, DRAWN),
