@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from shukotsu import command_line
 from shukotsu.commands import USUAL
 from shukotsu.errors import InputError
+from shukotsu.study.file_formats import AUTO, UNMAPPED
 from shukotsu.tables.text_files import reading
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
     add = parser.add_argument_group("for a recording").add_argument
     add("--hand", choices=("right", "left"), help="which hand it shows")
     add("--layout", default="liberty16", help="a layout that ships, or a path (liberty16)")
+    add("--format", choices=(AUTO, *UNMAPPED), default=AUTO, help="format of the file; auto: by its ending")
     add("--mapping", type=Path, help="how to read a file of another program, as `shukotsu inspect` drafts it")
     add("--repair-hemisphere", action="store_true", help="correct positions on the transmitter's wrong side")
     return parser
@@ -68,7 +70,7 @@ def check_recording(arguments: argparse.Namespace) -> int:
 
     with tempfile.TemporaryDirectory() as folder:
         poses = Path(folder, "poses.parquet")
-        more = [] if mapping is None else [f"--mapping={mapping}"]
+        more = [f"--format={arguments.format}", *([] if mapping is None else [f"--mapping={mapping}"])]
         more += ["--repair-hemisphere"] if arguments.repair_hemisphere else []
         try:
             import_for_the_moment(path, layout, hand, poses, *more)

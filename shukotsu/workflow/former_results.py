@@ -125,9 +125,8 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     A subject's results are the files that follow from the plan in its folder; exports are recognised by their
     names. Other files are not touched. present : outputs of the study as it is now.
     """
-    exports = [
-        f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
-    ]
+    folders_of_exports = paths.exports, paths.new_dataset, paths.tidy_tables
+    exports = [folder for folder in folders_of_exports if folder.as_posix() not in present]
     folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
         with suppress(InputError):  # from a damaged plan it is unknown what was made

@@ -84,8 +84,7 @@ class StudyFiles:
         self.plans_digest = plan_digest(self._contents)
         settings, participants = self.study.export_settings, self.study.sheets.get("participants")
         self.export_options = _options(settings | {"models": ",".join(settings["models"])})
-        sheet = None if participants is None else _relative(participants)
-        self.participants = _options({"participants": sheet})
+        self.participants = _options({"participants": participants and _relative(participants)})
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         simulation, folder = self.study.simulation, Path(os.devnull, "none")
         self.seed = 0 if simulation is None else simulation.seed

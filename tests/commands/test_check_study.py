@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -145,7 +146,8 @@ def test_a_good_recording_has_three_suggested_measurements(
 
 
 def test_the_other_hand_is_the_only_finding(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert check([str(rom), "--hand", "left"]) == 1
+    renamed = shutil.copy(rom, rom.parent.with_suffix(".odd"))
+    assert check([str(renamed), "--hand", "left", "--format", "csv"]) == 1
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
     assert "Measuring" not in out
