@@ -32,6 +32,9 @@ BLOCK_FRAMES = 128
 _LEAST_GAIN = 1e-4
 """Relative decrease of a frame's cost below which its iteration ends."""
 
+_FIRST_DAMPING = 1e-4
+"""Damping with which the iteration of a frame starts."""
+
 _FEW_STEPS = 2
 """Steps after which frames that have not converged are gathered; most have, from a good start."""
 
@@ -350,7 +353,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
     return Point(point.x + dx, _first(at.y), _first(at.root), _first(at.root_mm))
 
 
-def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
+def pose(problem: Problem, point: Point, steps: int = 40) -> Point:
     """Fit each frame's states and root with x fixed, by Levenberg-Marquardt (section 11).
 
     Parameters
@@ -372,6 +375,7 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     amounts = _amounts(chains, x)
     plan, buffers = forward.condense(chains, amounts), {}
     posed = Point(x, point.y.copy(), point.root.copy(), point.root_mm.copy())
+    damping = np.full(len(point.y), _FIRST_DAMPING)
     left, few = np.arange(len(point.y)), min(steps, _FEW_STEPS)
     for some in (few, steps - few):  # the frames that need more steps are gathered, so that no block waits
         going = [left[:0]]
@@ -384,8 +388,10 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
             seen = _measured_poses(replace(problem, frames=problem.frames.take(rows)), x, free_x=False)
             at = _poses(posed.take(rows))
             now = derivatives.Evaluation(chains, amounts, at, seen, objective, reached, current)
-            going.append(rows[posing.pose(now, plan, some, _LEAST_GAIN, of_block)])
+            dampings = damping[rows]
+            going.append(rows[posing.pose(now, plan, some, _LEAST_GAIN, dampings, of_block)])
             posed.y[rows], posed.root[rows], posed.root_mm[rows] = map(_first, at)
+            damping[rows] = dampings
         left = np.concatenate(going)
     return posed
 

@@ -54,6 +54,20 @@ def test_an_unfitted_task_is_posed_well(hands: dict[str, tuple[HandFit, Simulate
         assert seen.mean() < unseen.mean() < 1.2, name
 
 
+def test_a_frame_is_posed_alike_alone_and_among_others(hands: dict[str, tuple[HandFit, Simulated]]) -> None:
+    """Frames start between their neighbours unless frames or receivers are missing, which changes no pose."""
+    fit, poses = hands["right"][0], hands["right"][1].take(np.r_[0:200, 230:300])
+    poses.valid[40:55, [0, 3, 4, 5]] = poses.valid[100:103] = False
+    poses.valid[130, 7] = False
+    whole, every = pose_hand(fit, poses), np.arange(len(poses.frame))
+    alone = [pose_hand(fit, poses.take(every[offset::7])) for offset in range(7)]
+    for offset, posed in enumerate(alone):
+        off = np.degrees(whole.angles_rad[offset::7] - posed.angles_rad)
+        assert np.nanmax(np.abs(off)) < 0.1
+        np.testing.assert_array_equal(whole.posed[offset::7], posed.posed)
+    assert not whole.posed[100:103].any()
+
+
 def test_both_hands_share_their_lengths(hands: dict[str, tuple[HandFit, Simulated]]) -> None:
     """The hands' lengths come closer and their sds shrink; no joint becomes less certain."""
     right, left = hands["right"][0], hands["left"][0]

@@ -1,5 +1,6 @@
 """Subjects' tables in parts: reading parts, missing parts and failed parts."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from small_study import recording_numbers
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.catalogue import METACARPALS
 from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
-from shukotsu.tables.typed_table import Column, Provenance, Table, read_table, rows_of
+from shukotsu.tables.typed_table import METADATA_KEY, Column, Provenance, Table, read_table, rows_of
 
 KEYS = ("subject", "hand", "model", "made_without")
 SHORT = Table(
@@ -154,3 +155,17 @@ def test_a_recordings_numbers_are_read_by_part_and_name(long: Path) -> None:
     assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]
+
+
+def test_each_digit_is_a_row_group_and_its_name_a_string_to_any_reader(tmp_path: Path) -> None:
+    path, values = tmp_path / "metacarpals.parquet", turns(10, 0.0)
+    both = {"digit": ["thumb"] * 5 + ["index"] * 5, "frame": np.tile(np.arange(5), 2)}
+    with parts_writer(path, METACARPALS, Provenance()) as writer:
+        writer.columns(WHOLE, columns("", "rom", values) | both)
+    file = pq.ParquetFile(path)
+    assert [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)] == [5, 5]
+    assert file.schema_arrow.field("digit").type == pa.string()
+    assert file.read().column("digit").to_pylist() == both["digit"]
+    assert json.loads(file.metadata.metadata[METADATA_KEY])["schema"] == "metacarpals"
+    read_back = recording_numbers(path, METACARPALS, WHOLE, "rom", "", TURNS, 5)
+    np.testing.assert_array_equal(np.concatenate([*read_back.values()]), values)

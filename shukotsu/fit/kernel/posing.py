@@ -25,7 +25,7 @@ from shukotsu.fit.kernel.elimination import (
 )
 from shukotsu.fit.kernel.forward import BranchPoses, Plan, reach
 
-_FIRST_DAMPING, _DAMPING_STEP = 1e-4, 10.0
+_DAMPING_STEP = 10.0
 
 
 class PosingBuffers(NamedTuple):
@@ -99,7 +99,7 @@ def _evaluate(evaluation: Evaluation, plan: Plan) -> None:
 
 @compiled
 def pose(
-    now: Evaluation, plan: Plan, steps: int, least_gain: float, buffers: PosingBuffers
+    now: Evaluation, plan: Plan, steps: int, least_gain: float, damping: Array, buffers: PosingBuffers
 ) -> npt.NDArray[np.bool_]:
     """Fit states and roots with the hand fixed, by Levenberg-Marquardt (docs/whole-hand.md, section 11).
 
@@ -113,6 +113,8 @@ def pose(
         Largest number of steps.
     least_gain : float
         Relative decrease of a frame's cost below which its iteration ends.
+    damping : array, shape (F,)
+        Share of the diagonal that is added to it in each frame (Marquardt); changed in place.
     buffers : PosingBuffers
         Working memory for these frames.
 
@@ -125,10 +127,10 @@ def pose(
     current, tried = now.current, buffers.tried
     then = Evaluation(now.chains, now.amounts, tried, now.seen, now.objective, now.reached, now.current)
     n_going = n = len(current.cost)
-    goes_on, damping, cost = np.ones(n, np.bool_), np.empty(n), np.empty(n)
+    goes_on, cost = np.ones(n, np.bool_), np.empty(n)
     _evaluate(now, plan)
     for f in range(n):
-        cost[f], damping[f] = current.cost[f], _FIRST_DAMPING
+        cost[f] = current.cost[f]
     for _ in range(steps):
         _step(now, damping, buffers)
         _evaluate(then, plan)
