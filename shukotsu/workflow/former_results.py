@@ -129,11 +129,13 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     exports = [folder for folder in folders_of_exports if folder.as_posix() not in present]
     folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
+        plan = None
         with suppress(InputError):  # from a damaged plan it is unknown what was made
             plan = plan_file.read_plan(path)
-            if plan.folder == path.parent:
-                files = [f for f in _files_of_subject(plan, paths, present) if f.as_posix() not in present]
-                folders += [plan.folder.name] if _remove(files, paths.folder) else []
+        if plan is None or plan.folder != path.parent:
+            continue
+        files = [file for file in _files_of_subject(plan, paths, present) if file.as_posix() not in present]
+        folders += [plan.folder.name] if _remove(files, paths.folder) else []
     return folders
 
 
