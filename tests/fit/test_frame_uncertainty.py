@@ -6,17 +6,10 @@ import numpy as np
 import pytest
 from simulated_poses import fitted, recorded
 
+from shukotsu.fit import frame_uncertainty
 from shukotsu.fit.compiled_equations import back_substitute, reach, reduce
 from shukotsu.fit.fingertips import Fingertips, fingertips
 from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of, pose_hand
-from shukotsu.fit.frame_uncertainty import (
-    PosedErrors,
-    Postures,
-    _angle_errors_deg,
-    _spread_of,
-    posed_errors,
-    posed_frames,
-)
 from shukotsu.hand.rotations import Array, from_matrix
 from shukotsu.simulate.random_hand import BONES, FINGERS
 from shukotsu.tables.poses import Poses
@@ -37,8 +30,8 @@ def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedH
     return poses, pose_hand(tips.fit, poses)
 
 
-def stated_errors(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
-    return posed_errors(tips, posed, tips.fit.convention.frames(poses))
+def stated_errors(tips: Fingertips, poses: Poses, posed: PosedHand) -> frame_uncertainty.PosedErrors:
+    return frame_uncertainty.posed_errors(tips, posed, tips.fit.convention.frames(poses))
 
 
 @pytest.mark.slow
@@ -48,15 +41,15 @@ def test_error_derivatives_equal_posing_with_a_changed_hand(tips: Fingertips, wo
     poses, posed = task_of(tips, worn)
     fit = tips.fit
     frames = fit.convention.frames(poses)
-    postures = Postures.of(tips, posed)
-    spread = _spread_of(postures, frames)
+    postures = frame_uncertainty.Postures.of(tips, posed)
+    spread = frame_uncertainty._spread_of(postures, frames)
     problem = replace(fit.problem, frames=frames, temper=1.0, state_sd=np.array(fit.model.states.sd))
     number = len(spread.unknowns) - 3  # one of the most uncertain directions
     step = 1e-5 * spread.unknowns[: len(fit.posterior.x), number]
 
     def moved_hand(x: Array) -> tuple[Array, Array]:
         moved = fit.moved_to(x, fit.posterior.covariance)
-        point = replace(Postures.of(replace(tips, fit=moved), posed).point, x=x)
+        point = replace(frame_uncertainty.Postures.of(replace(tips, fit=moved), posed).point, x=x)
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
         places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:
@@ -69,7 +62,7 @@ def test_error_derivatives_equal_posing_with_a_changed_hand(tips: Fingertips, wo
         return np.stack([position_mm for _, position_mm in bones], 1), np.stack([*angles.values()], 1)
 
     ahead, behind = (moved_hand(fit.posterior.x + sign * step) for sign in (1, -1))
-    maps = dict(_angle_errors_deg(postures, spread))
+    maps = dict(frame_uncertainty._angle_errors_deg(postures, spread))
     angle_map = np.stack([maps[joint] for joint in tips.fit.summary.angle_axes], 1)
     for derivative, first, second in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
         slope = (first - second) / 2e-5
@@ -125,5 +118,7 @@ def test_errors_between_sessions_of_one_hand_are_smaller(tips: Fingertips) -> No
         assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()
         assert np.median(errors.session_deg[joint] / sd_deg) > 0.1
     still = np.zeros(20, int)
-    errors = posed_errors(tips, posed_frames(posed, still), tips.fit.convention.frames(poses.take(still)))
+    errors = frame_uncertainty.posed_errors(
+        tips, frame_uncertainty.posed_frames(posed, still), tips.fit.convention.frames(poses.take(still))
+    )
     assert max(each.max() for each in errors.session_changes_deg.values()) < 1e-6

@@ -1,29 +1,17 @@
 """Time grids, bridged gaps, and speeds of known motions with and without noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from shukotsu.arrays import Array
-from shukotsu.movement.sampling import (
-    CUTOFF_HZ,
-    MOST_GAP_S,
-    bridge_gaps,
-    grid_of,
-    half_width,
-    percentiles,
-    speed,
-    velocity,
-    velocity_noise_sd,
-)
+from shukotsu.movement import sampling
 
 STEP_S = 1 / 240
 
 
 def test_lost_frames_are_empty_on_the_grid() -> None:
     time_s = 3.0 + STEP_S * np.array([0, 1, 2, 5, 6])
-    grid = grid_of(time_s)
+    grid = sampling.grid_of(time_s)
     assert grid is not None
     assert grid.index.tolist() == [0, 1, 2, 5, 6]
     assert grid.step_s == pytest.approx(STEP_S)
@@ -52,20 +40,20 @@ def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", ["milliseconds", "some lost", "most lost", "a host's ticks", "jitter"])
 def test_the_rate_is_found_from_imprecise_time_stamps(kind: str) -> None:
     frame, time_s = _stamped(kind)
-    grid = grid_of(time_s)
+    grid = sampling.grid_of(time_s)
     assert grid is not None
     assert grid.step_s == pytest.approx(STEP_S, rel=1e-3)
     assert grid.index.tolist() == (frame - frame[0]).tolist()
 
 
 def test_short_gaps_are_interpolated_linearly_and_long_ones_stay() -> None:
-    longest = int(MOST_GAP_S / STEP_S)
+    longest = int(sampling.MOST_GAP_S / STEP_S)
     values = np.column_stack([np.arange(100.0), 2 * np.arange(100.0)])
     gapped = values.copy()
     gapped[10 : 10 + longest, 0] = np.nan
     gapped[50 : 51 + longest, 0] = np.nan
     gapped[:3, 1] = gapped[-2:, 1] = np.nan
-    filled = bridge_gaps(gapped, STEP_S)
+    filled = sampling.bridge_gaps(gapped, STEP_S)
     np.testing.assert_allclose(filled[:50, 0], values[:50, 0])
     assert np.isnan(filled[50 : 51 + longest, 0]).all()
     assert np.isnan(filled[:3, 1]).all()
@@ -81,16 +69,16 @@ def sine(frequency_hz: float, step_s: float, seconds: float = 4.0) -> tuple[Arra
 
 def test_the_velocity_of_a_parabola_is_exact() -> None:
     time_s = np.arange(100)[:, None] * STEP_S
-    slope = velocity(3 + 5 * time_s - 7 * time_s**2, STEP_S)
-    inside = slice(half_width(STEP_S), -half_width(STEP_S))
+    slope = sampling.velocity(3 + 5 * time_s - 7 * time_s**2, STEP_S)
+    inside = slice(sampling.half_width(STEP_S), -sampling.half_width(STEP_S))
     np.testing.assert_allclose(slope[inside], (5 - 14 * time_s)[inside])
-    assert np.isnan(slope[: half_width(STEP_S)]).all()
+    assert np.isnan(slope[: sampling.half_width(STEP_S)]).all()
 
 
 @pytest.mark.parametrize("rate_hz", [60, 120, 240, 960])
 def test_the_velocity_of_a_sine_is_right_at_any_rate(rate_hz: int) -> None:
     angle, true = sine(1.5, 1 / rate_hz)
-    measured = velocity(angle, 1 / rate_hz)
+    measured = sampling.velocity(angle, 1 / rate_hz)
     finite = np.isfinite(measured)
     assert np.abs(measured - true)[finite].max() < 0.03 * np.abs(true).max()
 
@@ -98,11 +86,11 @@ def test_the_velocity_of_a_sine_is_right_at_any_rate(rate_hz: int) -> None:
 @pytest.mark.parametrize("rate_hz", [240, 960])
 def test_the_window_passes_half_the_power_at_the_cutoff(rate_hz: int) -> None:
     """The local parabola is fitted to a sine of the cutoff frequency by least squares."""
-    width = half_width(1 / rate_hz)
+    width = sampling.half_width(1 / rate_hz)
     kept = []
     for half in (width, width + 1):
         k = np.arange(-half, half + 1)
-        fitted = np.polynomial.Polynomial.fit(k, np.cos(2 * np.pi * CUTOFF_HZ / rate_hz * k), 2)
+        fitted = np.polynomial.Polynomial.fit(k, np.cos(2 * np.pi * sampling.CUTOFF_HZ / rate_hz * k), 2)
         kept.append(float(fitted(0.0)) ** 2)
     assert kept[0] >= 0.5 > kept[1]
 
@@ -111,16 +99,16 @@ def test_the_window_passes_half_the_power_at_the_cutoff(rate_hz: int) -> None:
 def test_the_noise_of_velocities_is_estimated_from_the_recording(moving: float) -> None:
     noise = np.random.default_rng(1).normal(0, 0.1, (20000, 2))
     angle = moving * sine(3.0, STEP_S, 20000 * STEP_S)[0][:20000] + noise
-    left = velocity(noise, STEP_S)
-    np.testing.assert_allclose(velocity_noise_sd(angle, STEP_S), np.nanstd(left, axis=0), rtol=0.1)
+    left = sampling.velocity(noise, STEP_S)
+    np.testing.assert_allclose(sampling.velocity_noise_sd(angle, STEP_S), np.nanstd(left, axis=0), rtol=0.1)
 
 
 def test_noise_adds_little_speed_at_rest_and_none_in_movement() -> None:
     noise = np.random.default_rng(2).normal(0, 0.1, (5000, 1))
-    at_rest = velocity(noise, STEP_S)
-    assert np.nanmedian(speed(noise[..., None], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
+    at_rest = sampling.velocity(noise, STEP_S)
+    assert np.nanmedian(sampling.speed(noise[..., None], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
     angle, true = sine(1.0, STEP_S, 5000 * STEP_S)
-    measured = speed((angle[:5000] + noise)[..., None], STEP_S)
+    measured = sampling.speed((angle[:5000] + noise)[..., None], STEP_S)
     assert np.nanpercentile(measured, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)
 
 
@@ -131,4 +119,4 @@ def test_percentiles_ignore_the_gaps_of_each_series() -> None:
     expected = [
         np.nanpercentile(row, [10.0, 50.0]) if np.isfinite(row).any() else [np.nan] * 2 for row in series
     ]
-    np.testing.assert_array_equal(percentiles(series, [10.0, 50.0]), np.transpose(expected))
+    np.testing.assert_array_equal(sampling.percentiles(series, [10.0, 50.0]), np.transpose(expected))

@@ -11,14 +11,8 @@ from hypothesis import strategies as st
 from shukotsu.hand.digit_chain import DigitChain, digit_chain
 from shukotsu.hand.posing import Skeleton, receiver_bones
 from shukotsu.hand.rotations import Array, matrix
+from shukotsu.paper import replay
 from shukotsu.paper.hand import build_hand
-from shukotsu.paper.replay import (
-    error_statistics,
-    first_frame,
-    tip_error_mm,
-    tip_first_frame,
-    tips_least_squares,
-)
 from shukotsu.study.model import read_model
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -52,9 +46,9 @@ def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain,
     skeleton = Skeleton(layout, model, rows, {(row["digit"], row["bone"]): row for row in bones})
     built = digit_chain(digit, layout, model, rows)
     assert isinstance(built, DigitChain)
-    least_squares = tips_least_squares(receiver_bones(skeleton, poses, {}))[digit.name]
-    first = first_frame(built, poses, None)
-    return built, least_squares, tip_first_frame(built, poses, None, first, at_rest=False)
+    least_squares = replay.tips_least_squares(receiver_bones(skeleton, poses, {}))[digit.name]
+    first = replay.first_frame(built, poses, None)
+    return built, least_squares, replay.tip_first_frame(built, poses, None, first, at_rest=False)
 
 
 def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:
@@ -94,16 +88,16 @@ def test_the_binding_frame_is_the_first_fully_valid_one() -> None:
     chain.poses.valid[30, 3] = False
     chain.poses.position_mm[~chain.poses.valid] = np.nan
     digit, least, first = replayed(chain, rows_with(chain, 5.0))
-    error = tip_error_mm(first, digit, chain.poses)
+    error = replay.tip_error_mm(first, digit, chain.poses)
     assert np.flatnonzero(np.isnan(error)).tolist() == [0, 1, 2, 3, 4, 30]
-    np.testing.assert_array_equal(np.isnan(tip_error_mm(least, digit, chain.poses)), np.isnan(error))
+    np.testing.assert_array_equal(np.isnan(replay.tip_error_mm(least, digit, chain.poses)), np.isnan(error))
     assert error[5] == pytest.approx(0, abs=1e-9)
     assert int(np.isfinite(error).sum()) == 54
 
 
 def test_tip_error_statistics_leave_gaps_out() -> None:
     finite = np.array([3.0, 1.0, 2.0, 10.0])
-    assert error_statistics(np.array([3.0, np.nan, 1.0, 2.0, 10.0])) == {
+    assert replay.error_statistics(np.array([3.0, np.nan, 1.0, 2.0, 10.0])) == {
         "max_mm": 10.0,
         "min_mm": 1.0,
         "mean_mm": 4.0,
@@ -112,4 +106,4 @@ def test_tip_error_statistics_leave_gaps_out() -> None:
         "p95_mm": np.percentile(finite, 95),
         "n_frames": 4,
     }
-    assert error_statistics(np.full(3, np.nan)) == {"n_frames": 0}
+    assert replay.error_statistics(np.full(3, np.nan)) == {"n_frames": 0}

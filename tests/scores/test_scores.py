@@ -1,7 +1,5 @@
 """Scores of digits, errors of joints and reference rows, on numbers that can be checked by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,16 +8,8 @@ import numpy as np
 import pytest
 
 from shukotsu.hand.rotations import about_axis
+from shukotsu.scores import truth
 from shukotsu.scores.evaluation import EvaluatedRecording, tip_numbers, true_skeleton_row
-from shukotsu.scores.truth import (
-    DISTAL,
-    RecordingTruth,
-    Stated,
-    TrueDigit,
-    centre_errors,
-    read_truth,
-    truth_for,
-)
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_truth
 from shukotsu.simulate.simulation import simulate
@@ -35,9 +25,11 @@ def turned(*degrees: float) -> np.ndarray:
     return np.stack([about_axis(np.eye(3)[2], np.radians(angle)) for angle in degrees])
 
 
-def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
+def true_digit(frame: list[int], tip_mm: list[list[float]]) -> truth.TrueDigit:
     n = len(frame)
-    return TrueDigit(np.array(frame), np.array(tip_mm), np.zeros(n), np.tile(DISTAL, (n, 1)), 60.0)
+    return truth.TrueDigit(
+        np.array(frame), np.array(tip_mm), np.zeros(n), np.tile(truth.DISTAL, (n, 1)), 60.0
+    )
 
 
 def test_a_replays_left_out_error_is_its_own_error() -> None:
@@ -83,10 +75,10 @@ def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **ot
     return row | other
 
 
-def truth_of(task: str, *joints: Row, **length_mm: float) -> RecordingTruth:
+def truth_of(task: str, *joints: Row, **length_mm: float) -> truth.RecordingTruth:
     bones = {bone: {"length_mm": value} for bone, value in length_mm.items()}
-    stated = Stated({row["joint"]: row for row in joints}, bones)
-    return RecordingTruth(Path(task), RecordingName("01", "right", task), stated)
+    stated = truth.Stated({row["joint"]: row for row in joints}, bones)
+    return truth.RecordingTruth(Path(task), RecordingName("01", "right", task), stated)
 
 
 def test_a_centres_error_is_split_along_and_across_its_axis() -> None:
@@ -97,7 +89,7 @@ def test_a_centres_error_is_split_along_and_across_its_axis() -> None:
     tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
     estimated = centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted)
     expected_mm = {"error_mm": 5.0, "along_mm": 4.0, "across_mm": 3.0, "parent_error_mm": 6.0, "sd_mm": 3.8}
-    errors = centre_errors(estimated, true)
+    errors = truth.centre_errors(estimated, true)
     assert {name: errors[name] for name in expected_mm} == pytest.approx(expected_mm)
     assert errors["axis_deg"] == pytest.approx(np.degrees(0.2))
     # sd 3.8 mm as a ball: 95 % within 6.1 mm; covariances allow more along their long axis
@@ -107,7 +99,7 @@ def test_a_centres_error_is_split_along_and_across_its_axis() -> None:
         ((9, 9, 3, 3, 1, 9), (False, True)),
     ):
         stated = None if sds_mm is None else np.diag(np.square(sds_mm)).ravel()
-        errors = centre_errors(estimated | {"covariance_mm2": stated}, true)
+        errors = truth.centre_errors(estimated | {"covariance_mm2": stated}, true)
         assert (errors["within_95"], errors["parent_within_95"]) == expected
 
 
@@ -120,11 +112,11 @@ def test_the_truth_is_averaged_over_the_calibration_recordings() -> None:
     grasp = truth_of("grasp", centre("index_pip", (5, 0, 0), (0, 0, 8), **turned), index_middle=25.0)
     tap = truth_of("tap", centre("index_pip", (90, 0, 0), (0, 0, 0)), index_middle=25.0)
 
-    def true(*tasks: str, of: tuple[RecordingTruth, ...] = (rom, grasp, tap)) -> Row:
-        truth = truth_for(tasks, of)
-        assert truth is not None
-        assert truth.bones["index_middle"]["length_mm"] == 25.0
-        return dict(truth.joints["index_pip"])
+    def true(*tasks: str, of: tuple[truth.RecordingTruth, ...] = (rom, grasp, tap)) -> Row:
+        averaged = truth.truth_for(tasks, of)
+        assert averaged is not None
+        assert averaged.bones["index_middle"]["length_mm"] == 25.0
+        return dict(averaged.joints["index_pip"])
 
     assert [true("grasp", "other")[f"child_{axis}_mm"] for axis in "xyz"] == [5.0, 0.0, 0.0]
     both = true("rom", "grasp")
@@ -132,7 +124,7 @@ def test_the_truth_is_averaged_over_the_calibration_recordings() -> None:
     axis = np.array([both[f"axis_child_{axis}"] for axis in "xyz"])
     np.testing.assert_allclose(axis, np.array([1.0, 3.0, 0.0]) / np.sqrt(10.0))
     assert true("other", of=(rom, grasp)) == both
-    assert truth_for(["rom"], []) is None
+    assert truth.truth_for(["rom"], []) is None
 
 
 LAYOUT = read_layout("liberty16")
@@ -145,10 +137,10 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
         RecordingName("01", hand, "rom"),
     )
     write_truth(folder, simulated, Provenance())
-    truth, poses = read_truth(folder, name), simulated
-    true = truth.digits(poses, LAYOUT)
+    written, poses = truth.read_truth(folder, name), simulated
+    true = written.digits(poses, LAYOUT)
     recording = Recording(name.of_hand, "rom", "", "both", Source(Path(), "", Path()))
-    return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
+    return EvaluatedRecording(recording, LAYOUT, poses, true, written)
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
