@@ -1,7 +1,5 @@
 """Raw captures written field by field, as a LIBERTY sends them, and decoding captures."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

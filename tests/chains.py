@@ -4,8 +4,6 @@ A chain is a base receiver followed by segments that are connected by hinges or 
 random poses on their bones. Used by the tests of the joint solve, the planes, the metacarpals and the replay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Random damage to the bytes of a file, and the check that a reader refuses it properly or reads it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Simulated tables of movement: subjects in groups and sessions with a known effect."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any

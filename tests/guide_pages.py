@@ -1,7 +1,5 @@
 """Parsing the guide's pages: code blocks with their preceding comments, headings, links and pictures."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A synthetic motion of a root and two fingers with known poses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The program's files as installed (the package and the files that a wheel adds), and running the program."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

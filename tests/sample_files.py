@@ -1,7 +1,5 @@
 """Small valid files, as bytes or in a folder: recordings of every format, poses, and events."""
 
-from __future__ import annotations
-
 import struct
 import tempfile
 from collections.abc import Callable, Mapping, Sequence

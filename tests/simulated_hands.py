@@ -4,8 +4,6 @@ The skeleton of `paper-fig4` has the true joints, bones and metacarpals and move
 including skin motion. The posed bones and tips of `whole-hand` are the true ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

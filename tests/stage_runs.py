@@ -1,7 +1,5 @@
 """Running stages by name in this process, for the tests of all rooms."""
 
-from __future__ import annotations
-
 import runpy
 from collections.abc import Callable, Sequence
 from functools import cache, partial

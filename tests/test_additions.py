@@ -1,7 +1,5 @@
 """The edits that docs/architecture.md names suffice to add a feature: each is made in a copy and used."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Every Japanese page of the guide corresponds to the English one, section by section."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

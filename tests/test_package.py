@@ -1,7 +1,5 @@
 """The installed package: the wheel and its dependencies, the recorder alone, and use as a workflow module."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Refusals of options are one short printable line that names the option."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Messages quoted in docs/what-went-wrong.md are those of the program."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Emulated trackers at real ports, and the project's commands in separate processes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Byte streams of trackers, written field by field as in the manuals, and decoding them."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """Benchmarks: the rate of false positives, the comparison of a hand with its truth, and priors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A small study run by the profile for Slurm on a real Slurm: the same bytes, from few jobs."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import secrets

@@ -1,7 +1,5 @@
 """The coach's requests, findings and summaries for simulated hands, and live poses of an archive."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command `shukotsu coach`, the study settings that it uses, and the row that it adds to the sheet."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import signal

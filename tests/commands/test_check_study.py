@@ -1,7 +1,5 @@
 """`shukotsu check` of a study and of a single recording: findings, notes and exit codes."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The commands of `shukotsu` and the stages: their help, with a valid example and without slow imports."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from pathlib import Path

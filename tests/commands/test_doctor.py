@@ -1,7 +1,5 @@
 """`shukotsu doctor`: each check's result with its remedy; only required parts make it fail."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 from pathlib import Path

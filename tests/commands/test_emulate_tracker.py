@@ -1,7 +1,5 @@
 """The commands `emulate` and `record`: the emulator's TCP port, and the list of devices."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import time

@@ -1,7 +1,5 @@
 """`shukotsu new`: the new study folder, rows drafted from file names, and drafted mappings."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The interface for notebooks: tables with units, posed recordings, and hands at given joint angles."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

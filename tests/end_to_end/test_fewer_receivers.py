@@ -1,7 +1,5 @@
 """Every stage for a subject calibrated with sixteen receivers who performs a task with six."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

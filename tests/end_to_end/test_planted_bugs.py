@@ -1,7 +1,5 @@
 """A study with a bug in any stage still ends with a report that names the bug."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

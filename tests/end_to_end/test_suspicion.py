@@ -1,7 +1,5 @@
 """A faulty recording of one hand leaves all results of the other as if that hand had not been recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

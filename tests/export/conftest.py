@@ -1,7 +1,5 @@
 """Fixtures for the tests of exports: simulated hands and external programs."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

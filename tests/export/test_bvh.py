@@ -1,7 +1,5 @@
 """BVH export: continuous angles, names, and joint positions as other programs read them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

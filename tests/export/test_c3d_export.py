@@ -1,7 +1,5 @@
 """C3D export: points and rotations as read by ezc3d and by the package c3d."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

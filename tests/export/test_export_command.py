@@ -1,7 +1,5 @@
 """The export command: file names, notes, refusals, recorded failures and collected exports."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Closing gaps by each policy, and resampling that preserves velocities and gaps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

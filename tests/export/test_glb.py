@@ -4,8 +4,6 @@ The programs are in .tools at the repository's root or the folder SHUKOTSU_TOOLS
 tests/export_tools/package.json) and blender/bin/python with bpy. A test without its program is skipped.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import threading

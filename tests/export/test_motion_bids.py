@@ -1,7 +1,5 @@
 """Motion-BIDS export: labels, validity, contents, gaps, and independence of the order of writing."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

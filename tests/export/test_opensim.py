@@ -1,7 +1,5 @@
 """OpenSim export: poses and inverse kinematics as computed by OpenSim."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Reading the motion to export from the tables: bone frames, rest pose, hinges, failures and frame ranges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

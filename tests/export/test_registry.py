@@ -1,7 +1,5 @@
 """Properties of all formats, and preparing a motion for one by the export settings."""
 
-from __future__ import annotations
-
 import runpy
 from dataclasses import replace
 from pathlib import Path

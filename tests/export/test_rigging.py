@@ -1,7 +1,5 @@
 """Exports for other rigs: joint names, and motion of bones that a rig lacks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from simulated_hands import FITTED, REPLAYED, SimulatedHand

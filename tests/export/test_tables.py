@@ -1,7 +1,5 @@
 """The study's tables as CSV with a data dictionary, read back exactly."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """CSV export: poses, joint angles and the JSON header."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The fit_hand stage: its tables, its refusals, and its use of the sheets of measurements and touches."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 axe-core is read from .tools or the folder SHUKOTSU_TOOLS.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Bones posed from a subject's tables: frames matched by number, and missing tables refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

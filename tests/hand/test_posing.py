@@ -1,7 +1,5 @@
 """Posing bones, against scipy's rotations on random skeletons."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

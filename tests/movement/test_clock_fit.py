@@ -1,7 +1,5 @@
 """Aligning two clocks by common pulses: offset, drift and their stated errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

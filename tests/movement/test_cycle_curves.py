@@ -1,7 +1,5 @@
 """Averaging angles over cycles: known curves, gaps and missing cycles."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

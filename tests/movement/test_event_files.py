@@ -1,7 +1,5 @@
 """Reading files of events, written here byte by byte: MIDI, XDF 1.0 marker streams and raw captures."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

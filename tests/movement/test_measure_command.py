@@ -1,7 +1,5 @@
 """The measure_movement stage, on a simulated subject who plays keys: results equal what was simulated."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A study's comparisons of simulated movement: known effects, repeatability, and subjects left out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Building the poses table from samples: order, frame grid, gaps, flags and spikes."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Verdicts on joints: their words follow from the table, and every kind of doubt has a sentence."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

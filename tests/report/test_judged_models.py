@@ -1,7 +1,5 @@
 """Which model to use: judged by the truth or by left-out receivers, with its p value, or not at all."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Movement results: figures and tables show the numbers of the movement tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import drawn_movement as drawn

@@ -1,7 +1,5 @@
 """The palette's colours can be distinguished by colour-blind readers."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -4,8 +4,6 @@ axe-core is read from .tools/node_modules (installed by tests/export_tools/packa
 SHUKOTSU_TOOLS.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report's pages: self-contained, escaped, complete, with the tables' numbers; and the command."""
 
-from __future__ import annotations
-
 import os
 import re
 from itertools import product

@@ -1,7 +1,5 @@
 """Tables of the skeletons' scores and of their errors against the truth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The study's page: numbers from the tables, order of its contents, and size."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A subject's results, read from the subject's own tables, and its pages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The report in another language: completeness of the catalogue, its style, and what stays English."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

@@ -7,8 +7,6 @@ several subjects, the last one's left recording failed. A simulated study has a 
 for calibration only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property

@@ -1,7 +1,5 @@
 """Reading pages back as tables and tags, and a page with a moving hand alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from html.parser import HTMLParser

@@ -5,8 +5,6 @@ After `make demo` and `make site`:
 .venv/bin/python tests/report_samples/run_notebook.py . notebook.png
 """
 
-from __future__ import annotations
-
 import base64
 import sys
 from pathlib import Path

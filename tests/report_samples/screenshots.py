@@ -3,8 +3,6 @@
 After `make demo`: PYTHONPATH=.:tests .venv/bin/python -m report_samples.screenshots
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """The expected difference of two estimates of a bone length, against simulated people and noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

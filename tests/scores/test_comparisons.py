@@ -1,7 +1,5 @@
 """Comparing models across subjects: averaging, missing numbers, and correction for multiple tests."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The evaluate_skeletons stage on one of the paper's skeletons and a fitted hand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 pingouin is used if it is installed in .tools or the folder SHUKOTSU_TOOLS; see CONTRIBUTING.md.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """The command line of the simulation, and its files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The simulated hand's anatomy and motion."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

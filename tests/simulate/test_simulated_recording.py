@@ -1,7 +1,5 @@
 """Simulated recordings and the correctness of their truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Reading recordings in small blocks gives the same results as reading them whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow as pa

@@ -1,7 +1,5 @@
 """Running real studies with Snakemake in a separate process, and reading their results."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -3,8 +3,6 @@
 The good subject's results are the same bytes in any folder and with any number of cores.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

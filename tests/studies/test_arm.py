@@ -1,7 +1,5 @@
 """A real recording of both arms: layout `arm` and the shipped models, without code specific to arms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

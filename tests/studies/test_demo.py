@@ -1,7 +1,5 @@
 """The demo study, run in an empty folder, reproduces the paper's findings."""
 
-from __future__ import annotations
-
 import math
 import os
 import sys

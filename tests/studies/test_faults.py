@@ -1,7 +1,5 @@
 """A study that is killed at random moments or hits a file size limit leaves no incomplete result."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

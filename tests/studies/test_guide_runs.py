@@ -1,7 +1,5 @@
 """The guide's code blocks run page by page in their order, and so does its notebook."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

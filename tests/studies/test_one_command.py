@@ -1,7 +1,5 @@
 """A study from `shukotsu new` to report and exports with the command `shukotsu` alone."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

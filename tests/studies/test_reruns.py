@@ -1,7 +1,5 @@
 """Jobs open only files that their rules declare, and whatever changed is made again."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -3,8 +3,6 @@
 Every format is exported for every model, or the reason is stated.
 """
 
-from __future__ import annotations
-
 import json
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Findings: their kinds, sentences, acceptance, and grouping into items."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Any

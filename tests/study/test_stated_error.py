@@ -1,7 +1,5 @@
 """95 % bounds of a covariance: 95 % of simulated errors are inside the ellipsoid and its radius."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Verdicts on joints: they follow from the stated error and are lowered by doubts."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The duration of a recording and faults of the device's clock."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Files are written atomically, also if the writer is killed."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

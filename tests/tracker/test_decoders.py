@@ -1,7 +1,5 @@
 """Decoders of all tracker families: values, damaged bytes, garbage, memory; settings of a stream."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Texts about a recording: its status line, its summary, and the refusal of a line that is too slow."""
 
-from __future__ import annotations
-
 import pytest
 from tracker_streams import settings
 

@@ -1,7 +1,5 @@
 """Setting up a LIBERTY or VIPER that ignores commands, and recording a simulated VIPER."""
 
-from __future__ import annotations
-
 import io
 import struct
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Ports: pseudo-terminals, network addresses, and a stand-in for libusb1."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

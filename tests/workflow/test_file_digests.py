@@ -1,7 +1,5 @@
 """Digests of files: computed from contents, and again only if the file system reports a change."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Jobs run as forks of a warm process behave like jobs in separate processes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Damaged files of every format are either read or refused in one sentence, by import and inspect."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

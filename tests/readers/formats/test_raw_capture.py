@@ -1,7 +1,5 @@
 """Importing a raw capture: tracker name, receivers and memory; decoding is tested in tests/tracker."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import captures

@@ -1,7 +1,5 @@
 """Panels: numbers and joints are drawn at their positions, and scales withstand gross failures."""
 
-from __future__ import annotations
-
 import re
 from functools import partial
 from itertools import combinations

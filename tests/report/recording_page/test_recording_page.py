@@ -1,7 +1,5 @@
 """The page of a recording: numbers equal the tables', reasons for missing parts, and escaped names."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The moving hand in a real browser: drawing, playback speed, controls, views and fallback."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The motion drawn by the viewer equals that of simulated hands with known joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from report_samples.made_study import UNSEEN, MadeStudy, exact_hand

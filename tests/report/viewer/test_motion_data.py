@@ -1,7 +1,5 @@
 """The motion packed into a page: precision, gaps, size, and the still picture."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
