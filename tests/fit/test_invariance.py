@@ -108,15 +108,7 @@ def moves_in_sd(fit: HandFit, second: HandFit, places: dict[str, tuple[Array, Ar
 ALL = ""
 
 
-@pytest.mark.parametrize(
-    "segment",
-    [
-        ALL,
-        "hand",
-        "thumb_metacarpal",
-        "ring_middle",
-    ],
-)
+@pytest.mark.parametrize("segment", [ALL, "hand", "thumb_metacarpal", "ring_middle"])
 def test_remounted_receivers_move_no_centre_far_beyond_its_sd(layout: Layout, segment: str) -> None:
     """After one receiver is turned by 20 deg and shifted by 2 mm, centres move by at most 1.25 sd; after all
     are, by 2 sd. The fit takes part of a turn for a mounting farther round the bone, beside its middle.

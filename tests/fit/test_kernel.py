@@ -7,14 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shukotsu.fit.compiled_equations import (
-    BLOCK_FRAMES,
-    back_substitute,
-    pose,
-    reach,
-    reduce,
-    residuals,
-)
+from shukotsu.fit.compiled_equations import BLOCK_FRAMES, back_substitute, pose, reach, reduce, residuals
 from shukotsu.fit.kernel import compiled, forward
 from shukotsu.fit.normal_equations import (
     HUBER,

@@ -189,10 +189,7 @@ def test_every_job_opens_only_what_its_rule_declares(
     ],
 )
 def test_an_undeclared_input_is_found(
-    opened: Mapping[Command, set[Path]],
-    declared: dict[Command, tuple[str, set[Path]]],
-    rule: str,
-    name: str,
+    opened: Mapping[Command, set[Path]], declared: dict[Command, tuple[str, set[Path]]], rule: str, name: str
 ) -> None:
     jobs = {
         argv: (other, {path for path in files if other != rule or path.name != name})

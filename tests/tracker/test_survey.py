@@ -13,13 +13,7 @@ from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.typed_table import read_metadata, read_table
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.stream import Tally, blocks_of
-from shukotsu.tracker.survey import (
-    FlaggedRecords,
-    findings,
-    fit_clock,
-    flagged_records,
-    survey_archive,
-)
+from shukotsu.tracker.survey import FlaggedRecords, findings, fit_clock, flagged_records, survey_archive
 
 
 def circling(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:

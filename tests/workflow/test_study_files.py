@@ -243,9 +243,7 @@ def test_whole_hand_models_are_refused_without_a_hand_layout(folder: Path) -> No
     assert StudyFiles(write_study(folder / "both", arm, hand, models=("whole-hand",))).study.models
 
 
-def test_jobs_request_time_and_bounded_memory_by_recording_size(
-    folder: Path,
-) -> None:
+def test_jobs_request_time_and_bounded_memory_by_recording_size(folder: Path) -> None:
     study, asked = files(folder), []
     path = Path(study.subjects[-1].recordings[0].source.file)
     path.parent.mkdir(parents=True)
