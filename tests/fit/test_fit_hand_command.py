@@ -101,11 +101,6 @@ REFUSALS = {
         "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex",
         "row 2: column meets: is 'index', as is column digit; expected another digit",
     ),
-    "a touch with neither a point nor a second digit": (
-        "touches",
-        "01\tright\trom\tindex\ttip\t1\t2\t0\t\t0\t1",
-        "row 2, column y_mm: is ''; expected a number, or a cell in column meets",
-    ),
     "a hand length in cm": ("hand-length-mm", "18", "--hand-length-mm: is 18; expected"),
     "a model without a whole-hand fit": ("model", "rigid", "model rigid does not fit a whole hand"),
     "the other hand's poses": ("hand", "left", "expected subject 01, left hand"),
