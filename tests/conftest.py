@@ -2,9 +2,10 @@
 
 import os
 import re
+import shutil
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,28 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no folder of real recordings; SHUKOTSU_REAL_DATA can name one")
     return folder
+
+
+@pytest.fixture(scope="session")
+def export_tool() -> Callable[..., Path]:
+    """Return a function that finds an external program by its path in the folder of such programs.
+
+    The folder is .tools or SHUKOTSU_TOOLS; the test is skipped if the program is missing, or node for a
+    folder in node_modules, or the package that is named as second argument beside Python.
+    """
+    folder = Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools"))
+
+    def find(name: str, package: str = "") -> Path:
+        program = folder / name
+        if not program.exists():
+            pytest.skip(f"no {name} in {folder}; SHUKOTSU_TOOLS can name another")
+        if name.startswith("node_modules") and program.is_dir() and shutil.which("node") is None:
+            pytest.skip("no node on PATH")
+        if package and not list(program.parents[1].glob(f"lib/*/site-packages/{package}")):
+            pytest.skip(f"{package} is not installed beside {program}")
+        return program
+
+    return find
 
 
 INTERNAL = re.compile(

@@ -81,10 +81,8 @@ def test_a_file_that_is_not_a_table_is_refused(tmp_path: Path, capsys: pytest.Ca
 
 
 @pytest.mark.tools
-def test_frictionless_validates_the_tables(tidy: Path, export_tool: Callable[[str], Path]) -> None:
-    python = export_tool("python/bin/python")
-    if not list(python.parents[1].glob("lib/*/site-packages/frictionless")):
-        pytest.skip(f"frictionless is not installed beside {python}")
+def test_frictionless_validates_the_tables(tidy: Path, export_tool: Callable[..., Path]) -> None:
+    python = export_tool("python/bin/python", "frictionless")
     code = (
         "import frictionless, json, sys\n"
         "report = frictionless.Package('datapackage.json').validate()\n"

@@ -6,7 +6,7 @@ axe-core is read from .tools or the folder SHUKOTSU_TOOLS.
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -20,9 +20,6 @@ from program_files import printed_by
 pytestmark = pytest.mark.tools
 
 PROGRAMS = Path(sys.executable).parent
-AXE = (
-    Path(os.environ.get("SHUKOTSU_TOOLS", REPOSITORY / ".tools")) / "node_modules" / "axe-core" / "axe.min.js"
-)
 SERIOUS = ("serious", "critical")
 PAGES = ("index", "configuration", "calibrate", "first-study")
 FETCHED = re.compile(
@@ -121,11 +118,12 @@ def test_nothing_is_wider_than_the_page(browser: Browser, site: Path, page: str,
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("page", PAGES[:3])
-def test_axe_finds_no_serious_violation(browser: Browser, site: Path, page: str, theme: str) -> None:
-    if not AXE.is_file():
-        pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
+def test_axe_finds_no_serious_violation(
+    browser: Browser, site: Path, export_tool: Callable[..., Path], page: str, theme: str
+) -> None:
+    axe = export_tool("node_modules/axe-core/axe.min.js")
     with opened(browser, site / f"{page}.html", color_scheme=theme) as shown:
-        shown.page.add_script_tag(content=AXE.read_text("utf-8"))
+        shown.page.add_script_tag(content=axe.read_text("utf-8"))
         violations = shown.value("async () => (await axe.run({preload: false})).violations")
         serious = [
             f"{violation['id']}: {violation['nodes'][0]['html']}"

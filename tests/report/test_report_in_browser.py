@@ -4,7 +4,7 @@ axe-core is read from .tools/node_modules (installed by tests/export_tools/packa
 SHUKOTSU_TOOLS.
 """
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,8 +16,6 @@ from stage_runs import subject_pages
 from shukotsu.tables.whole_files import write_text
 
 pytestmark = pytest.mark.slow
-TOOLS = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).parents[2] / ".tools"))
-AXE = TOOLS / "node_modules" / "axe-core" / "axe.min.js"
 
 SCRIPT = "<script>alert(1)</script>"
 NAMES = (SCRIPT, "手 骨/%2F ' \" & #?", "plain")
@@ -71,16 +69,17 @@ def test_no_page_is_wider_than_its_window(browser: Browser, report: MadeStudy) -
 
 @pytest.mark.tools
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_axe_finds_no_serious_violation(browser: Browser, report: MadeStudy, theme: str) -> None:
+def test_axe_finds_no_serious_violation(
+    browser: Browser, report: MadeStudy, export_tool: Callable[..., Path], theme: str
+) -> None:
     """The pages of the study, a subject and a recording are checked with all details open."""
-    if not AXE.is_file():
-        pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
+    axe = export_tool("node_modules/axe-core/axe.min.js")
     study, paths = report.study, report.paths
     for path in (paths.report, paths.subject_page(NAMES[-1]), paths.recording_page(study.shown[0])):
         with watched(browser, color_scheme=theme, bypass_csp=True) as page:
             page.open(path)
             page.value("document.querySelectorAll('details').forEach((part) => (part.open = true))")
-            page.page.add_script_tag(path=AXE)
+            page.page.add_script_tag(path=axe)
             violations = page.value("async () => (await axe.run()).violations")
             serious = [each for each in violations if each["impact"] in ("serious", "critical")]
             assert [f"{each['id']}: {each['nodes'][0]['html']}" for each in serious] == []

@@ -5,10 +5,9 @@ pingouin is used if it is installed in .tools or the folder SHUKOTSU_TOOLS; see 
 
 import json
 import math
-import os
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -155,28 +154,22 @@ def test_groups_without_spread_differ_by_their_means() -> None:
     assert group_difference(np.full(4, 3.0), np.full(5, 1.0)).interval == (2.0, 2.0)
 
 
-TESTS = Path(__file__).resolve().parents[1]
-SCRIPT = TESTS / "export_tools" / "statistics_of_others.py"
+SCRIPT = Path(__file__).resolve().parents[1] / "export_tools" / "statistics_of_others.py"
 ROUNDING = 1e-9
-
-
-def of_others(program: str, asked: dict[str, Any]) -> Any:
-    """Return another program's results; skip the test if it is not installed."""
-    tools = Path(os.environ.get("SHUKOTSU_TOOLS", TESTS.parent / ".tools"))
-    python = tools / "python" / "bin" / "python"
-    if not list(python.parents[1].glob(f"lib/*/site-packages/{program}")):
-        pytest.skip(f"{program} is not installed beside {python}")
-    return json.loads(printed_by(python, SCRIPT, input=json.dumps(asked)))
 
 
 @pytest.mark.tools
 @pytest.mark.parametrize(("n", "k", "shift"), [(6, 4, 2.0), (12, 3, 0.0), (20, 2, 0.5)])
-def test_pingouin_has_the_same_iccs_and_sizes(n: int, k: int, shift: float) -> None:
+def test_pingouin_has_the_same_iccs_and_sizes(
+    export_tool: Callable[..., Path], n: int, k: int, shift: float
+) -> None:
+    python = export_tool("python/bin/python", "pingouin")
     rng = np.random.default_rng(n)
     values = rng.normal(0, 3, (n, 1)) + rng.normal(size=(n, k)) + shift * np.arange(k)
     first, other = rng.normal(1.0, 1.0, n), rng.normal(0.0, 2.0, n + 3)
     arrays = {"values": values, "first": first, "other": other}
-    theirs = of_others("pingouin", {name: array.tolist() for name, array in arrays.items()})
+    asked = json.dumps({name: array.tolist() for name, array in arrays.items()})
+    theirs = json.loads(printed_by(python, SCRIPT, input=asked))
     ours = reliability(values)
     for name, icc in (("ICC(A,1)", ours.agreement), ("ICC(C,1)", ours.consistency)):
         assert [icc.value, *icc.interval] == pytest.approx(theirs["icc"][name], abs=ROUNDING)
