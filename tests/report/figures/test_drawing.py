@@ -110,7 +110,7 @@ def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion
     turned = np.tile([1.0, 0, 0, 0], (1, 3, 1))
     return HandMotion(
         hand, ("ring", "little"), np.zeros(1, np.int64), np.zeros(1), 1, ("hand", "a", "b"), receivers,
-        turned, 0, (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (skeleton,),
+        turned, 0, np.eye(3), (skeleton,),
     )  # fmt: skip
 
 
