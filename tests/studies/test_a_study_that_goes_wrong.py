@@ -104,7 +104,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     csv = record(folder / "good-right-opposition.csv", task="opposition")
     record(folder / "good-left-rom.parquet", hand="left")
     (folder / "truncated.parquet").write_bytes(right.read_bytes()[:20_000])
-    (folder / "truncated.csv").write_bytes(csv.read_bytes()[:20_000])
+    (folder / "truncated.csv").write_bytes(csv.read_bytes()[:20_000] + b"\n")
     (folder / "<b>.parquet").write_bytes(right.read_bytes())
     empty_receiver(right, folder / "{x}.parquet")
     lines = [line for line in csv.read_text().splitlines() if DEAD not in line]
