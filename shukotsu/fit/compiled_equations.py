@@ -377,9 +377,10 @@ def pose(problem: Problem, point: Point, steps: int = 40) -> Point:
     posed = Point(x, point.y.copy(), point.root.copy(), point.root_mm.copy())
     damping = np.full(len(point.y), _FIRST_DAMPING)
     left, few = np.arange(len(point.y)), min(steps, _FEW_STEPS)
-    for some in (few, steps - few):  # the frames that need more steps are gathered, so that no block waits
+    for most in (few, steps - few):  # the frames that need more steps are gathered, so that no block waits
         going = [left[:0]]
-        for rows in np.array_split(left, -(-len(left) // BLOCK_FRAMES)) if some and len(left) else ():
+        n_blocks = -(-len(left) // BLOCK_FRAMES) if most else 0
+        for rows in np.array_split(left, n_blocks) if n_blocks else ():
             n = len(rows)
             if n not in buffers:
                 reached, current = _reached_buffers(problem.branches, n), _residual_buffers(problem, n)
@@ -389,7 +390,7 @@ def pose(problem: Problem, point: Point, steps: int = 40) -> Point:
             at = _poses(posed.take(rows))
             now = derivatives.Evaluation(chains, amounts, at, seen, objective, reached, current)
             dampings = damping[rows]
-            going.append(rows[posing.pose(now, plan, some, _LEAST_GAIN, dampings, of_block)])
+            going.append(rows[posing.pose(now, plan, most, _LEAST_GAIN, dampings, of_block)])
             posed.y[rows], posed.root[rows], posed.root_mm[rows] = map(_first, at)
             damping[rows] = dampings
         left = np.concatenate(going)

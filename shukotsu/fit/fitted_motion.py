@@ -25,7 +25,8 @@ from shukotsu.tables.poses import Poses
 
 CHUNK_FRAMES = 768
 KEY_STEP, KEY_STEPS = 6, 2
-"""Every 6th frame is posed from the receivers' rotations, in two steps; the others start between these."""
+"""Distance of the frames that are posed from the receivers' rotations, and their steps; others start between
+them."""
 LEAST_RECEIVERS = 2
 """Least number of valid receivers for a frame to be posed."""
 _UNSEEN = 1e9
@@ -142,9 +143,9 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     )
 
 
-def _keys(valid: npt.NDArray[np.bool_], number: Integers) -> Index:
-    """Return the frames whose poses are not guessed from their neighbours': every KEY_STEP-th one, and all
-    between two of these if frames are missing or the set of valid receivers changes there.
+def _key_frames(valid: npt.NDArray[np.bool_], number: Integers) -> Index:
+    """Return the frames that are posed before the others: every KEY_STEP-th one, and all between two of these
+    if frames are missing or the set of valid receivers changes there.
 
     valid, number : (T, S) and (T,), validity of receivers and numbers of the frames.
     """
@@ -171,7 +172,7 @@ def _pose_chunk(
     fit: HandFit, problem: Problem, frames: Frames, number: Integers
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Return angles, bones' positions and quaternions, receivers' origins and rms residual of some frames."""
-    rows, x = _keys(frames.valid, number), fit.posterior.x
+    rows, x = _key_frames(frames.valid, number), fit.posterior.x
     guess = first_guess(replace(problem, frames=frames.take(rows)), fit.model, x)
     # the field's turn does not change while poses are fitted, so that it is undone once
     problem = replace(problem, frames=frames)

@@ -437,6 +437,7 @@ def repeated(value: str, count: int) -> pa.Array:
 
 
 def _written(schema: pa.Schema) -> pa.Schema:
+    """Return the schema with which a table is written: text has the type `TEXT`."""
     fields = [field.with_type(TEXT) if pa.types.is_string(field.type) else field for field in schema]
     return pa.schema(fields, schema.metadata)
 
